@@ -1,0 +1,1 @@
+"""Robot, hook and mug models, and the weights that ship with the project."""

@@ -1,0 +1,43 @@
+"""The planner protocol and the registry of planners."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from planning.problem import Plan, PlanFailure, PlanningProblem
+
+
+class Planner(Protocol):
+    """Turns a problem into a plan.  Seeded by `rng` alone: the same seed gives the same plan."""
+
+    def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
+        """Return a plan, or the stage and reason why there is none."""
+        ...
+
+
+_FACTORIES: dict[str, Callable[[], Planner]] = {}
+
+
+def register_planner(name: str) -> Callable[[Callable[[], Planner]], Callable[[], Planner]]:
+    """Return a decorator that registers a planner's factory (its class, say) under `name`."""
+
+    def register(factory: Callable[[], Planner]) -> Callable[[], Planner]:
+        if name in _FACTORIES:
+            raise ValueError(f"a planner named {name!r} is registered already")
+        _FACTORIES[name] = factory
+        return factory
+
+    return register
+
+
+def planner_names() -> tuple[str, ...]:
+    """Return the names of all registered planners."""
+    return tuple(sorted(_FACTORIES))
+
+
+def make_planner(name: str) -> Planner:
+    """Return a new planner of the given name, or raise ValueError naming those there are."""
+    if name not in _FACTORIES:
+        raise ValueError(f"unknown planner {name!r}; expected one of {list(planner_names())}")
+    return _FACTORIES[name]()

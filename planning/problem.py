@@ -1,0 +1,175 @@
+"""What a planner is given and what it returns."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from split_drake.layout import Layout
+from split_drake.pose_set import PoseSet, PoseTask
+from split_drake.poses import Array
+
+
+class Subgoal(StrEnum):
+    """What one pick is for."""
+
+    HANG = "hang"
+    REORIENT = "reorient"
+
+    @property
+    def tasks(self) -> tuple[PoseTask, ...]:
+        """The pose sets that a planner needs for it."""
+        place = PoseTask.HANDLE if self is Subgoal.HANG else PoseTask.UPRIGHT
+        return (PoseTask.GRASP, place)
+
+
+class SegmentName(StrEnum):
+    """The segments of a pick and place, in their order."""
+
+    TRANSIT = "transit"
+    APPROACH = "approach"
+    CLOSE = "close"
+    LIFT = "lift"
+    TRANSFER = "transfer"
+    INSERT = "insert"
+    OPEN = "open"
+    RETREAT = "retreat"
+
+
+class AllowedContact(StrEnum):
+    """A contact that a segment declares; everything else must stay clear.
+
+    FINGERS_TARGET: fingers against the object, in the last 8 cm of the approach, while the hand
+        closes and opens, and in the first 8 cm of the retreat.
+    HELD_PEG: the held object against the peg, for points of the object within the tube around the
+        peg's axis that its opening leaves.
+    HELD_TABLE: the held object against the table, at lift and placement.
+    """
+
+    FINGERS_TARGET = "fingers_target"
+    HELD_PEG = "held_peg"
+    HELD_TABLE = "held_table"
+
+
+@dataclass(frozen=True)
+class JointTrajectory:
+    """Arm positions over time, from rest to rest.
+
+    Attributes:
+        times_s: (T,) ascending from 0.
+        qs: (T, 7) joint angles, rad.
+        vs: (T, 7) joint velocities, rad/s.
+    """
+
+    times_s: Array
+    qs: Array
+    vs: Array
+
+    def __post_init__(self) -> None:
+        count = len(self.times_s)
+        if count < 2 or self.qs.shape != (count, 7) or self.vs.shape != (count, 7):
+            raise ValueError(
+                f"times {self.times_s.shape}, qs {self.qs.shape}, vs {self.vs.shape}; expected "
+                "(T,), (T, 7), (T, 7) with T >= 2"
+            )
+        if self.times_s[0] != 0.0 or np.any(np.diff(self.times_s) <= 0.0):
+            raise ValueError("times_s must ascend from 0")
+
+    @property
+    def duration_s(self) -> float:
+        return float(self.times_s[-1])
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One piece of a plan, executed without a pause.
+
+    Attributes:
+        name: what it does.
+        trajectory: of the arm (at rest in CLOSE and OPEN).
+        opening_start_m, opening_end_m: commanded distance between the pads, ramped linearly over
+            the segment; below 0 the force limit acts.
+        force_n: limit of the gripper's force.
+        holding: whether the object is in the hand.
+        allowed_contacts: the contacts it declares.
+    """
+
+    name: SegmentName
+    trajectory: JointTrajectory
+    opening_start_m: float
+    opening_end_m: float
+    force_n: float
+    holding: bool
+    allowed_contacts: frozenset[AllowedContact] = frozenset()
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A pick and place as named segments, each starting where the last one ends.
+
+    Attributes:
+        subgoal: what it is for.
+        segments: in order of execution.
+        X_WGrasp: (4, 4) gripper pose at CLOSE.
+        X_WGplace: (4, 4) gripper pose at OPEN.
+        X_WObject: (4, 4) pose of the object's frame that is placed (H or U) before the pick.
+        X_WGoal: (4, 4) pose of the same frame at OPEN.
+        statistics: counts and seconds of the search, for reports.
+    """
+
+    subgoal: Subgoal
+    segments: tuple[Segment, ...]
+    X_WGrasp: Array
+    X_WGplace: Array
+    X_WObject: Array
+    X_WGoal: Array
+    statistics: Mapping[str, float] = field(default_factory=dict)
+
+
+class Stage(StrEnum):
+    """Where a trial can fail."""
+
+    PERCEPTION = "perception"
+    PLANNING = "planning"
+    GRASP = "grasp"
+    TRANSPORT = "transport"
+    PLACEMENT = "placement"
+    SIMULATOR_ERROR = "simulator error"
+
+
+@dataclass(frozen=True)
+class PlanFailure:
+    """No plan: the stage and a reason that says what was rejected by what."""
+
+    stage: Stage
+    reason: str
+    statistics: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class PlanningProblem:
+    """Everything a planner may know.
+
+    Attributes:
+        subgoal: what to plan for.
+        pose_sets: from a detector, at least those of `subgoal.tasks`.
+        p_WPs: (N, 3) perceived full-resolution cloud of the object, metres in W.
+        q_start: (7,) joint angles at the start, rad.
+        layout: of the static station.
+    """
+
+    subgoal: Subgoal
+    pose_sets: Mapping[PoseTask, PoseSet]
+    p_WPs: Array
+    q_start: Array
+    layout: Layout = field(default_factory=Layout)
+
+    def __post_init__(self) -> None:
+        missing = [task for task in self.subgoal.tasks if task not in self.pose_sets]
+        if missing:
+            raise ValueError(
+                f"{self.subgoal} needs pose sets for {list(self.subgoal.tasks)}; missing {missing}"
+            )
+        if np.shape(self.q_start) != (7,):
+            raise ValueError(f"q_start has shape {np.shape(self.q_start)}; expected (7,)")

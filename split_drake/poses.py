@@ -1,0 +1,79 @@
+"""Poses as arrays: building, checking, inverting and comparing (4, 4) homogeneous matrices."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+_ROTATION_TOLERANCE = 1e-4
+
+
+def make_pose(R: ArrayLike | None = None, p: ArrayLike | None = None) -> Array:
+    """Return the pose with rotation `R` (..., 3, 3) and translation `p` (..., 3) in metres."""
+    rotation = np.eye(3) if R is None else np.asarray(R, dtype=float)
+    translation = np.zeros(3) if p is None else np.asarray(p, dtype=float)
+    batch = np.broadcast_shapes(rotation.shape[:-2], translation.shape[:-1])
+    X = np.zeros((*batch, 4, 4))
+    X[..., :3, :3] = rotation
+    X[..., :3, 3] = translation
+    X[..., 3, 3] = 1.0
+    return X
+
+
+def invert_pose(X_AB: ArrayLike) -> Array:
+    """Return X_BA of shape (..., 4, 4)."""
+    X = np.asarray(X_AB, dtype=float)
+    R_BA = np.swapaxes(X[..., :3, :3], -1, -2)
+    return make_pose(R_BA, -np.einsum("...ij,...j->...i", R_BA, X[..., :3, 3]))
+
+
+def transform_points(X_AB: ArrayLike, p_BPs: ArrayLike) -> Array:
+    """Return the points `p_BPs` (N, 3) of frame B in frame A, (N, 3), or (..., N, 3) for a batch."""
+    X = np.asarray(X_AB, dtype=float)
+    points = np.asarray(p_BPs, dtype=float)
+    return points @ np.swapaxes(X[..., :3, :3], -1, -2) + X[..., None, :3, 3]
+
+
+def rotation_x(angle_rad: float) -> Array:
+    """Return the (3, 3) rotation about x."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def rotation_y(angle_rad: float) -> Array:
+    """Return the (3, 3) rotation about y."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def rotation_z(angle_rad: float) -> Array:
+    """Return the (3, 3) rotation about z."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def rotation_error_rad(R_A: ArrayLike, R_B: ArrayLike) -> Array:
+    """Return the angle between rotations of shape (..., 3, 3), in [0, pi]; shapes broadcast."""
+    trace = np.einsum("...ij,...ij->...", np.asarray(R_A, float), np.asarray(R_B, float))
+    return np.asarray(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))
+
+
+def check_poses(X: ArrayLike, name: str) -> Array:
+    """Return `X` (..., 4, 4) as float64, or raise ValueError naming `name` and what is wrong."""
+    poses = np.asarray(X, dtype=float)
+    if poses.ndim < 2 or poses.shape[-2:] != (4, 4):
+        raise ValueError(f"{name} has shape {poses.shape}; expected (..., 4, 4)")
+    if not np.isfinite(poses).all():
+        raise ValueError(f"{name} holds NaN or infinite values; expected finite poses")
+    if np.abs(poses[..., 3, :] - (0.0, 0.0, 0.0, 1.0)).max(initial=0.0) > _ROTATION_TOLERANCE:
+        raise ValueError(f"{name} has a last row other than (0, 0, 0, 1)")
+    R = poses[..., :3, :3]
+    error = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(initial=0.0)
+    if error > _ROTATION_TOLERANCE:
+        raise ValueError(
+            f"the rotation of {name} is not orthonormal: |R R^T - I| reaches {error:.2g}, "
+            f"expected at most {_ROTATION_TOLERANCE:g}"
+        )
+    if (np.linalg.det(R) < 0).any():
+        raise ValueError(f"the rotation of {name} is a reflection: its determinant is -1, not 1")
+    return poses

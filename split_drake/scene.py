@@ -1,0 +1,121 @@
+"""Scenes: what the depth cameras saw of the workspace, as a cloud and as an occupancy grid."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import fpsample
+import numpy as np
+from numpy.typing import NDArray
+
+from split_drake.camera import DepthView
+from split_drake.poses import Array
+
+
+class EmptySceneError(ValueError):
+    """No depth pixel fell onto anything in the workspace."""
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """The cube that a scene is cropped to and its grid covers (paper section V).
+
+    Attributes:
+        p_WCenter: centre of the cube's footprint on the table, metres.
+        edge_m: length of the cube's edges, which are parallel to those of W.
+        depth_below_m: how far the cube reaches below the centre.
+        table_clearance_m: points lower than this above the centre count as table.
+    """
+
+    p_WCenter: tuple[float, float, float] = (0.5, 0.0, 0.0)
+    edge_m: float = 0.3
+    depth_below_m: float = 0.05
+    table_clearance_m: float = 0.004
+
+    @property
+    def p_WV(self) -> Array:
+        """The corner with the lowest coordinates, (3,) in metres."""
+        half = self.edge_m / 2.0
+        return np.array(self.p_WCenter) - (half, half, self.depth_below_m)
+
+    def contains(self, p_WPs: Array) -> NDArray[np.bool_]:
+        """Return (N,): whether each of the points (N, 3) lies within the cube, above the table."""
+        p_VPs = p_WPs - self.p_WV
+        inside = np.all((p_VPs >= 0.0) & (p_VPs < self.edge_m), axis=-1)
+        return inside & (p_WPs[..., 2] > self.p_WCenter[2] + self.table_clearance_m)
+
+
+def farthest_points(points: Array, count: int) -> Array:
+    """Return `count` of the points (N, 3), each the farthest from those before, from the first on.
+
+    Where N < count the sequence starts over, so that the shape stays (count, 3).
+    """
+    if len(points) > count:
+        order = fpsample.bucket_fps_kdline_sampling(points, count, h=5, start_idx=0)
+        return points[order.astype(int)]
+    return points[np.arange(count) % len(points)]
+
+
+def occupancy_grid(p_WPs: Array, workspace: Workspace, resolution: int) -> NDArray[np.bool_]:
+    """Return (r, r, r) voxels indexed [x, y, z], true where a point lies; others are ignored."""
+    indices = np.floor((p_WPs - workspace.p_WV) / workspace.edge_m * resolution).astype(int)
+    indices = indices[np.all((indices >= 0) & (indices < resolution), axis=1)]
+    grid = np.zeros((resolution,) * 3, dtype=bool)
+    grid[tuple(indices.T)] = True
+    return grid
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The workspace as seen by depth cameras.
+
+    Attributes:
+        p_WPs: (N, 3) all points seen in the workspace above the table, metres in W.
+        p_WSs: (2000, 3) the sampled points that the grid is made of, metres in W.
+        workspace: the cube around them.
+        views: the depth views that the points come from.
+    """
+
+    p_WPs: Array
+    p_WSs: Array
+    workspace: Workspace
+    views: tuple[DepthView, ...] = field(repr=False, default=())
+
+    SAMPLED_POINTS = 2000
+    RESOLUTION = 64
+
+    @classmethod
+    def from_views(cls, views: Sequence[DepthView], workspace: Workspace | None = None) -> "Scene":
+        """Return the scene that the views show; no noise is added.
+
+        Raises EmptySceneError where no view shows anything in the workspace above the table.
+        """
+        if not views:
+            raise ValueError("no depth views were given; expected at least one")
+        workspace = workspace or Workspace()
+        points = np.concatenate([view.points() for view in views])
+        p_WPs = points[workspace.contains(points)]
+        if not len(p_WPs):
+            raise EmptySceneError(
+                f"none of the {len(points)} points seen lies in the cube of {workspace.edge_m} m "
+                f"around {workspace.p_WCenter}, more than {workspace.table_clearance_m} m above "
+                "the table; check units, camera poses and the workspace"
+            )
+        p_WSs = farthest_points(p_WPs, cls.SAMPLED_POINTS)
+        return cls(p_WPs, p_WSs, workspace, tuple(views))
+
+    def with_noise(self, noise_m: float, rng: np.random.Generator) -> "Scene":
+        """Return the scene with N(0, noise_m^2) added to the sampled points (paper section V)."""
+        if noise_m < 0.0:
+            raise ValueError(f"noise_m is {noise_m}; expected a standard deviation >= 0 in metres")
+        return replace(self, p_WSs=self.p_WSs + rng.normal(0.0, noise_m, self.p_WSs.shape))
+
+    @cached_property
+    def _grid(self) -> NDArray[np.bool_]:
+        grid = occupancy_grid(self.p_WSs, self.workspace, self.RESOLUTION)
+        grid.setflags(write=False)
+        return grid
+
+    def grid(self) -> NDArray[np.bool_]:
+        """Return the (64, 64, 64) occupancy of the sampled points, indexed [x, y, z] from V."""
+        return self._grid
