@@ -106,8 +106,9 @@ def look_at(p_WC: ArrayLike, p_WTarget: ArrayLike, down_W: ArrayLike = (0.0, 0.0
     z = np.asarray(p_WTarget, dtype=float) - np.asarray(p_WC, dtype=float)
     x = np.cross(np.asarray(down_W, dtype=float), z)
     if np.linalg.norm(x) < 1e-9:
-        raise ValueError(f"down_W={down_W} is parallel to the view from {p_WC} to {p_WTarget}")
+        raise ValueError(
+            f"down_W={down_W!r} is parallel to the view from {p_WC!r} to {p_WTarget!r}"
+        )
     z /= np.linalg.norm(z)
     x /= np.linalg.norm(x)
     return make_pose(np.column_stack([x, np.cross(z, x), z]), p_WC)
-

@@ -1,4 +1,4 @@
-"""Where things stand: cameras, table and hook, as numbers that neither Drake nor a model is needed for."""
+"""Where cameras, table and hook stand, as plain numbers."""
 
 from dataclasses import dataclass, field
 
@@ -43,21 +43,20 @@ class HookShape:
     post_above_m: float = 0.03
 
     def __post_init__(self) -> None:
-        if self.post_distance_m - self.post_radius_m < 0.06:
-            raise ValueError(
-                f"the post is {self.post_distance_m - self.post_radius_m:.3f} m from K; a mug needs "
-                "at least 0.06 m"
-            )
+        room_m = self.post_distance_m - self.post_radius_m
+        if room_m < 0.06:
+            raise ValueError(f"the post is {room_m:.3f} m from K; a mug needs at least 0.06 m")
 
 
 def two_views(workspace: Workspace, distance_m: float = 0.6) -> tuple[CameraPlacement, ...]:
-    """Return the paper's two cameras (section VI-B): perpendicular to the workspace, and at 45 degrees.
+    """Return the paper's two cameras (section VI-B).
 
-    The tilted one stands on the side of +y, away from the hook.
+    One is perpendicular to the workspace, the other tilted by 45 degrees; that one stands on the
+    side of +y, away from the hook.
     """
     intrinsics = Intrinsics.centered(640, 480, focal_px=540.0)
     center = np.array(workspace.p_WCenter)
-    top = center + (0.0, 0.0, distance_m)
+    top = center + np.array([0.0, 0.0, distance_m])
     side = center + distance_m * np.array([0.0, np.sin(np.pi / 4), np.cos(np.pi / 4)])
     return (
         CameraPlacement("camera_top", intrinsics, look_at(top, center, down_W=(-1.0, 0.0, 0.0))),

@@ -1,6 +1,5 @@
 """Pose sets: what a detector returns and a planner takes."""
 
-import os
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -76,15 +75,15 @@ class PoseDetector(Protocol):
 
 
 def save_pose_sets(path: Path, pose_sets: dict[PoseTask, PoseSet], p_WPs: Array) -> None:
-    """Write pose sets and the cloud `p_WPs` (N, 3) they were found in to an npz file, atomically."""
-    arrays = {"cloud": np.asarray(p_WPs, dtype=np.float32)}
+    """Write pose sets and the cloud `p_WPs` (N, 3) they were found in to an npz, atomically."""
+    arrays: dict[str, np.ndarray] = {"cloud": np.asarray(p_WPs, dtype=np.float32)}
     for task, pose_set in pose_sets.items():
         arrays[f"{task}/X_WPs"] = pose_set.X_WPs
         arrays[f"{task}/scores"] = pose_set.scores
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".npz", delete=False) as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
-    os.replace(file.name, path)
+    Path(file.name).replace(path)
 
 
 def load_pose_sets(path: Path) -> tuple[dict[PoseTask, PoseSet], Array]:

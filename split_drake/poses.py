@@ -28,7 +28,7 @@ def invert_pose(X_AB: ArrayLike) -> Array:
 
 
 def transform_points(X_AB: ArrayLike, p_BPs: ArrayLike) -> Array:
-    """Return the points `p_BPs` (N, 3) of frame B in frame A, (N, 3), or (..., N, 3) for a batch."""
+    """Return the points `p_BPs` (N, 3) of frame B in frame A, (..., N, 3)."""
     X = np.asarray(X_AB, dtype=float)
     points = np.asarray(p_BPs, dtype=float)
     return points @ np.swapaxes(X[..., :3, :3], -1, -2) + X[..., None, :3, 3]

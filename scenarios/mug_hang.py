@@ -1,0 +1,154 @@
+"""Hang unseen mugs on a hook, or stand them upright: `python -m scenarios.mug_hang --trials 40`.
+
+Each trial drops a mug on the table, looks at it with two depth cameras, detects pose sets, plans,
+executes in contact physics, and judges.  The output folder holds config.json, trials.jsonl (a line
+as each trial ends), summary.json, recordings/*.html and index.html.  The same --out goes on where
+an interrupted run stopped.
+"""
+
+import json
+import os
+import time
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from planning.planner import planner_names
+from scenarios.files import write_json
+from scenarios.pool import WorkerPool
+from scenarios.provenance import file_sha256, git_commit, package_versions
+from scenarios.records import Rate, TrialRecord, read_records
+from scenarios.report import print_report, run_title, write_report
+from scenarios.trials import TrialSpec, crashed_trial, run_trial
+
+
+@dataclass(frozen=True)
+class MugHangOptions:
+    """Options of a run.
+
+    Attributes:
+        trials: how many; trial i is seeded by seed + i alone.
+        seed: of the first trial.
+        detector: SPLIT, or the true pose sets.
+        task: hang (with a reorientation where no hanging plan exists), or reorient alone.
+        mugs: shapes that the model was tested on, or those it was trained on.
+        planner: by name.
+        checkpoint: weights of SPLIT; those that ship with the project where not given.
+        noise_m: standard deviation of the noise on the sampled points.
+        workers: processes; outcomes do not depend on them.
+        record: which trials keep a recording.
+        out: folder of the results; runs/mug_hang/<time> where not given.
+    """
+
+    trials: int = 40
+    seed: int = 0
+    detector: Literal["split", "oracle"] = "split"
+    task: Literal["hang", "reorient"] = "hang"
+    mugs: Literal["test", "train"] = "test"
+    planner: str = "default"
+    checkpoint: Path | None = None
+    noise_m: float = 0.005
+    workers: int = len(os.sched_getaffinity(0))
+    record: Literal["all", "failures", "none"] = "all"
+    out: Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.trials < 1:
+            raise ValueError(f"--trials is {self.trials}; expected at least 1")
+        if self.seed < 0:
+            raise ValueError(f"--seed is {self.seed}; expected 0 or more")
+        if self.workers < 1:
+            raise ValueError(f"--workers is {self.workers}; expected at least 1")
+        if self.noise_m < 0.0:
+            raise ValueError(f"--noise-m is {self.noise_m}; expected metres >= 0")
+        if self.planner not in planner_names():
+            raise ValueError(f"--planner is {self.planner!r}; expected one of {planner_names()}")
+        if self.checkpoint is not None and not self.checkpoint.is_file():
+            raise ValueError(f"--checkpoint: there is no file {self.checkpoint}")
+
+
+# What may differ when a run goes on: none of it changes an outcome.
+_FREE_KEYS = ("trials", "workers", "record", "out")
+
+
+def run_config(options: MugHangOptions) -> dict[str, Any]:
+    """Return the content of config.json."""
+    from split_drake.split.checkpoint import default_checkpoint
+
+    config = {key: str(v) if isinstance(v, Path) else v for key, v in asdict(options).items()}
+    config["checkpoint_sha256"] = None
+    if options.detector == "split":
+        config["checkpoint_sha256"] = file_sha256(options.checkpoint or default_checkpoint())
+    return {**config, "commit": git_commit(), "versions": package_versions()}
+
+
+def open_run(folder: Path, config: dict[str, Any]) -> list[TrialRecord]:
+    """Write config.json and return the records that the folder holds already.
+
+    Raises ValueError where they were made with other options, weights or code.
+    """
+    path = folder / "config.json"
+    if path.exists():
+        before = json.loads(path.read_text())
+        changed = [
+            f"{key} was {before.get(key)!r}, is {value!r}"
+            for key, value in config.items()
+            if key not in _FREE_KEYS and before.get(key) != value
+        ]
+        if changed:
+            raise ValueError(f"{folder} holds another run ({'; '.join(changed)}); choose an --out")
+    write_json(path, config)
+    return read_records(folder / "trials.jsonl")
+
+
+def run_missing(
+    specs: list[TrialSpec], records: list[TrialRecord], workers: int, console: Console
+) -> None:
+    """Run the trials, appending each record to the list and to trials.jsonl as it ends."""
+    pool = WorkerPool(run_trial, crashed_trial, min(workers, len(specs)))
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
+    with (
+        (specs[0].folder / "trials.jsonl").open("a") as log,
+        Progress(*columns, TimeRemainingColumn(), console=console) as progress,
+    ):
+        bar = progress.add_task("", total=len(records) + len(specs), completed=len(records))
+        for record in pool.run(specs):
+            log.write(record.to_json() + "\n")
+            log.flush()
+            records.append(record)
+            if not record.succeeded:
+                progress.console.print(
+                    f"trial {record.index} ({record.mug}): {record.outcome}: {record.reason}"
+                )
+            progress.update(bar, advance=1, description=str(Rate.of(records)))
+
+
+def main(options: MugHangOptions) -> Path:
+    """Run what is missing of the trials, report, and return the folder."""
+    console = Console()
+    started = time.monotonic()
+    folder = options.out or Path("runs/mug_hang") / datetime.now().strftime("%Y%m%d-%H%M%S")
+    config = run_config(options)
+    records = open_run(folder, config)
+    done = {record.index for record in records}
+    specs = [TrialSpec.of(options, i, folder) for i in range(options.trials) if i not in done]
+    try:
+        if specs:
+            run_missing(specs, records, options.workers, console)
+    except KeyboardInterrupt:
+        console.print(f"interrupted; --out {folder} goes on from here")
+    finally:
+        records.sort(key=lambda record: record.index)
+        write_report(folder, records, config, time.monotonic() - started)
+    print_report(console, records, run_title(config))
+    console.print(f"results: {folder / 'index.html'}")
+    return folder
+
+
+if __name__ == "__main__":
+    main(tyro.cli(MugHangOptions, description=__doc__))

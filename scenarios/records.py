@@ -1,0 +1,132 @@
+"""Trial records: what is kept of a trial, one JSON line each, and the figures drawn from them."""
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+SUCCESS = "success"
+WIDE_MUG_M = 0.076  # wider bodies do not fit between the fingers
+
+
+@dataclass(frozen=True)
+class TrialRecord:
+    """What became of one trial.
+
+    Attributes:
+        index: of the trial in its run.
+        seed: that the trial's start, noise, detector and planner are drawn from.
+        mug: name of the shape.
+        mug_diameter_m: of its body.
+        outcome: "success", or the stage that failed.
+        reason: why, in words; empty on success.
+        attempts: one entry a pick: subgoal, stage and reason.
+        redraws: rejected starts, by reason.
+        seconds: wall time by stage.
+        simulated_s: time simulated from perception to verdict.
+        recording: path of the recording within the run's folder, if one was kept.
+        traceback: of the exception that ended the trial, if one did.
+    """
+
+    index: int
+    seed: int
+    mug: str
+    mug_diameter_m: float
+    outcome: str
+    reason: str = ""
+    attempts: tuple[dict[str, Any], ...] = ()
+    redraws: dict[str, int] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    simulated_s: float = 0.0
+    recording: str | None = None
+    traceback: str | None = None
+
+    @property
+    def succeeded(self) -> bool:
+        return self.outcome == SUCCESS
+
+    def to_json(self) -> str:
+        """Return one line of JSON without a line break."""
+        return json.dumps(asdict(self), separators=(",", ":"))
+
+
+def read_records(path: Path) -> list[TrialRecord]:
+    """Return the records of a trials.jsonl, in order of their index; [] where there is no file.
+
+    A last line that was cut off by a kill is left out; any other bad line raises ValueError.
+    """
+    if not path.exists():
+        return []
+    lines = path.read_text().split("\n")
+    records = []
+    for number, line in enumerate(lines, start=1):
+        if not line:
+            continue
+        try:
+            fields = json.loads(line)
+        except json.JSONDecodeError as error:
+            if number == len(lines):
+                break
+            raise ValueError(f"{path}:{number} is not JSON: {error}") from error
+        fields["attempts"] = tuple(fields["attempts"])
+        records.append(TrialRecord(**fields))
+    return sorted(records, key=lambda record: record.index)
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Successes out of trials with Wilson's 95% interval."""
+
+    successes: int
+    trials: int
+
+    @classmethod
+    def of(cls, records: Sequence[TrialRecord]) -> "Rate":
+        return cls(sum(record.succeeded for record in records), len(records))
+
+    @property
+    def value(self) -> float:
+        """The share of successes; NaN without trials."""
+        return self.successes / self.trials if self.trials else float("nan")
+
+    @property
+    def wilson95(self) -> tuple[float, float]:
+        """Wilson's score interval at 95%; (0, 1) without trials."""
+        if not self.trials:
+            return (0.0, 1.0)
+        interval = binomtest(self.successes, self.trials).proportion_ci(0.95, method="wilson")
+        return (float(interval.low), float(interval.high))
+
+    def __str__(self) -> str:
+        if not self.trials:
+            return "no trials"
+        low, high = self.wilson95
+        return f"{self.successes}/{self.trials} = {self.value:.1%}  [{low:.0%}, {high:.0%}]"
+
+
+def failures_by_stage(records: Iterable[TrialRecord]) -> dict[str, int]:
+    """Return {stage: count} of the failed trials, most frequent first."""
+    counts = Counter(record.outcome for record in records if not record.succeeded)
+    return dict(counts.most_common())
+
+
+def median_seconds(records: Sequence[TrialRecord]) -> dict[str, float]:
+    """Return {stage: median wall seconds} over the trials that reached the stage."""
+    stages = dict.fromkeys(stage for record in records for stage in record.seconds)
+    return {
+        stage: float(np.median([r.seconds[stage] for r in records if stage in r.seconds]))
+        for stage in stages
+    }
+
+
+def total_redraws(records: Iterable[TrialRecord]) -> dict[str, int]:
+    """Return {reason: count} of the starts that were drawn again."""
+    counts: Counter[str] = Counter()
+    for record in records:
+        counts.update(record.redraws)
+    return dict(counts)
