@@ -1,6 +1,7 @@
 """The planner protocol and the registry of planners."""
 
 from collections.abc import Callable
+from importlib import import_module
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +17,8 @@ class Planner(Protocol):
         ...
 
 
+# Modules that register planners; imported when a planner is first asked for.
+_MODULES = ("planning.pick_place",)
 _FACTORIES: dict[str, Callable[[], Planner]] = {}
 
 
@@ -33,11 +36,14 @@ def register_planner(name: str) -> Callable[[Callable[[], Planner]], Callable[[]
 
 def planner_names() -> tuple[str, ...]:
     """Return the names of all registered planners."""
+    for module in _MODULES:
+        import_module(module)
     return tuple(sorted(_FACTORIES))
 
 
 def make_planner(name: str) -> Planner:
     """Return a new planner of the given name, or raise ValueError naming those there are."""
-    if name not in _FACTORIES:
-        raise ValueError(f"unknown planner {name!r}; expected one of {list(planner_names())}")
+    names = planner_names()
+    if name not in names:
+        raise ValueError(f"unknown planner {name!r}; expected one of {list(names)}")
     return _FACTORIES[name]()

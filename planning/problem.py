@@ -93,6 +93,7 @@ class Segment:
         force_n: limit of the gripper's force.
         holding: whether the object is in the hand.
         allowed_contacts: the contacts it declares.
+        stop_on_contact: whether the arm stops where it feels the object touch something.
     """
 
     name: SegmentName
@@ -102,6 +103,7 @@ class Segment:
     force_n: float
     holding: bool
     allowed_contacts: frozenset[AllowedContact] = frozenset()
+    stop_on_contact: bool = False
 
 
 @dataclass(frozen=True)

@@ -91,10 +91,17 @@ class DepthView:
         object.__setattr__(self, "depth_m", depth)
         object.__setattr__(self, "X_WC", X_WC)
 
-    def points(self) -> Array:
-        """Return the points seen, (N, 3) in W, row by row; pixels that saw nothing are left out."""
-        seen = (self.depth_m > 0.0) & np.isfinite(self.depth_m)
-        p_CPs = pixel_rays(self.intrinsics)[seen] * self.depth_m[seen, None]
+    def points(self, min_z_m: float = -np.inf) -> Array:
+        """Return the points seen above z = `min_z_m`, (N, 3) in W, row by row.
+
+        Pixels that saw nothing are left out.
+        """
+        rays, z_W = pixel_rays(self.intrinsics), self.X_WC[2].astype(np.float32)
+        # Heights come first and in single precision: most pixels show the table.
+        with np.errstate(invalid="ignore"):
+            above = (rays @ z_W[:3]) * self.depth_m + z_W[3] > min_z_m
+        seen = above & (self.depth_m > 0.0) & np.isfinite(self.depth_m)
+        p_CPs = rays[seen] * self.depth_m[seen, None]
         return p_CPs @ self.X_WC[:3, :3].T + self.X_WC[:3, 3]
 
 

@@ -38,11 +38,16 @@ class Workspace:
         half = self.edge_m / 2.0
         return np.array(self.p_WCenter) - (half, half, self.depth_below_m)
 
+    @property
+    def lowest_z_m(self) -> float:
+        """The height in W up to which points count as table."""
+        return self.p_WCenter[2] + self.table_clearance_m
+
     def contains(self, p_WPs: Array) -> NDArray[np.bool_]:
         """Return (N,): whether each of the points (N, 3) lies within the cube, above the table."""
         p_VPs = p_WPs - self.p_WV
         inside = np.all((p_VPs >= 0.0) & (p_VPs < self.edge_m), axis=-1)
-        return inside & (p_WPs[..., 2] > self.p_WCenter[2] + self.table_clearance_m)
+        return inside & (p_WPs[..., 2] > self.lowest_z_m)
 
 
 def farthest_points(points: Array, count: int) -> Array:
@@ -93,13 +98,13 @@ class Scene:
         if not views:
             raise ValueError("no depth views were given; expected at least one")
         workspace = workspace or Workspace()
-        points = np.concatenate([view.points() for view in views])
+        points = np.concatenate([view.points(workspace.lowest_z_m) for view in views])
         p_WPs = points[workspace.contains(points)]
         if not len(p_WPs):
             raise EmptySceneError(
-                f"none of the {len(points)} points seen lies in the cube of {workspace.edge_m} m "
-                f"around {workspace.p_WCenter}, more than {workspace.table_clearance_m} m above "
-                "the table; check units, camera poses and the workspace"
+                f"none of the {len(points)} points seen above the table lies in the cube of "
+                f"{workspace.edge_m} m around {workspace.p_WCenter}; check units, camera poses and "
+                "the workspace"
             )
         p_WSs = farthest_points(p_WPs, cls.SAMPLED_POINTS)
         return cls(p_WPs, p_WSs, workspace, tuple(views))

@@ -1,0 +1,46 @@
+"""Collision-free motions between configurations, and their timing."""
+
+import numpy as np
+
+from planning.problem import JointTrajectory
+from planning.rrt import rrt_connect
+from planning.timing import Speed, join, time_path
+from planning.trajopt import optimize_path
+from planning.world import CollisionWorld, Situation
+from split_drake.poses import Array
+
+
+def free_motion(
+    world: CollisionWorld,
+    q_start: Array,
+    q_goal: Array,
+    situation: Situation,
+    rng: np.random.Generator,
+) -> Array | None:
+    """Return a path (N, 7) that is free throughout, or None.
+
+    A straight joint motion where that is free; else RRT-Connect's path, smoothed by trajectory
+    optimization where the smooth one is free as well.
+    """
+    straight = np.stack([q_start, q_goal])
+    if world.path_free(straight, situation):
+        return straight
+    found = rrt_connect(q_start, q_goal, lambda qs: world.path_free(qs, situation), rng)
+    if found is None:
+        return None
+    smooth = optimize_path(world.checker, found, situation.opening_m)
+    if smooth is not None and world.path_free(smooth, situation):
+        return smooth
+    return found
+
+
+def timed(world: CollisionWorld, qs: Array, situation: Situation, speed: Speed) -> JointTrajectory:
+    """Return a free path (N, 7) with its timing.
+
+    Interpolation rounds the corners of a path; where that touches something, the arm stops at
+    every corner instead.
+    """
+    trajectory = time_path(qs, speed)
+    if len(qs) == 2 or world.path_free(trajectory.qs, situation):
+        return trajectory
+    return join([time_path(qs[i : i + 2], speed) for i in range(len(qs) - 1)])

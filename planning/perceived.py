@@ -1,0 +1,87 @@
+"""The object as the planner knows it: the perceived cloud, thinned and completed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from split_drake.poses import Array, invert_pose, transform_points
+
+# Voxel edges of the cloud that the arm keeps clear of, and of the one that fingers are fitted to.
+OBSTACLE_VOXEL_M = 0.009
+DETAIL_VOXEL_M = 0.004
+
+# The handle is sought within this angle of x_U when a mug's body is completed.
+HANDLE_SECTOR_RAD = np.radians(45.0)
+PROFILE_BIN_M = 0.008
+
+
+@dataclass(frozen=True)
+class PerceivedObject:
+    """An object on the table.
+
+    Attributes:
+        p_WObstacles: (N, 3) coarse points on its surface, the unseen side completed where known.
+        p_WDetails: (M, 3) fine points on the surface that was seen.
+        p_WCom: (3,) estimated centre of mass.
+    """
+
+    p_WObstacles: Array
+    p_WDetails: Array
+    p_WCom: Array
+
+    @classmethod
+    def from_cloud(cls, p_WPs: Array, X_WU: Array | None) -> "PerceivedObject":
+        """Return the object seen as a cloud (N, 3), completed around its upright pose if known.
+
+        Raises ValueError where the cloud is empty.
+        """
+        if not len(p_WPs):
+            raise ValueError("the perceived cloud is empty; expected points of the object")
+        details = voxel_centroids(np.asarray(p_WPs, dtype=float), DETAIL_VOXEL_M)
+        surface = details
+        if X_WU is not None:
+            unseen = revolved_body(details, X_WU)
+            surface = np.concatenate([details, unseen[unseen[:, 2] > 0.0]])
+        return cls(voxel_centroids(surface, OBSTACLE_VOXEL_M), details, surface.mean(axis=0))
+
+
+def voxel_centroids(points: Array, edge_m: float) -> Array:
+    """Return the mean of the points (N, 3) in every occupied voxel, (M, 3), in voxel order."""
+    cells = np.floor(points / edge_m).astype(np.int64)
+    _, inverse, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    sums = np.zeros((len(counts), points.shape[1]))
+    np.add.at(sums, inverse.reshape(-1), points)
+    return np.asarray(sums / counts[:, None])
+
+
+def revolved_body(p_WPs: Array, X_WU: Array) -> Array:
+    """Return points (M, 3) of the body of revolution about z_U that the points (N, 3) lie on.
+
+    Two views see only part of a mug; its body is round about z_U.  The handle, which is not, is
+    left out: points towards x_U that lie further out than the body does elsewhere.
+    """
+    p_UPs = transform_points(invert_pose(X_WU), p_WPs)
+    radius, height = np.hypot(p_UPs[:, 0], p_UPs[:, 1]), p_UPs[:, 2]
+    in_sector = np.abs(np.arctan2(p_UPs[:, 1], p_UPs[:, 0])) < HANDLE_SECTOR_RAD
+    if in_sector.all():
+        return np.empty((0, 3))
+    body = ~in_sector | (radius < _outer_radius(radius, height, ~in_sector))
+    profile = voxel_centroids(np.column_stack([radius[body], height[body]]), OBSTACLE_VOXEL_M)
+    rings = [_ring(r, z) for r, z in profile]
+    return transform_points(X_WU, np.concatenate(rings))
+
+
+def _outer_radius(radius: Array, height: Array, known: Array) -> Array:
+    """Return (N,) the body's outer radius at each height, from the points marked `known`."""
+    bins = np.floor(height / PROFILE_BIN_M).astype(int)
+    outer = {b: radius[known & (bins == b)].max() for b in np.unique(bins[known])}
+    fallback = max(outer.values())
+    return np.array([outer.get(b, fallback) for b in bins])
+
+
+def _ring(radius: float, height: float) -> Array:
+    count = max(1, int(np.ceil(2.0 * np.pi * radius / OBSTACLE_VOXEL_M)))
+    angles = 2.0 * np.pi * np.arange(count) / count
+    return np.column_stack(
+        [radius * np.cos(angles), radius * np.sin(angles), np.full(count, height)]
+    )

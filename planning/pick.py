@@ -1,0 +1,136 @@
+"""Picks: for one grasp, the configurations from which to approach, close and lift."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from planning.fingers import APPROACH_M, FingerFit, fit_fingers
+from planning.ik import DrakeIk, IkSolutions, follow
+from planning.perceived import PerceivedObject
+from planning.problem import AllowedContact
+from planning.waypoints import backed_off, shifted, straight_line
+from planning.world import CollisionWorld, Situation
+from split_drake.poses import Array, invert_pose, transform_points
+
+LINE_STEP_M = 0.01
+LIFTS_M = (0.10, 0.06)
+MIN_CLEARANCE_M = 0.002
+# A posture in the middle of the arm's range, over the workspace.
+Q_COMFORT = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 2.0, np.pi / 4.0])
+# Configurations tried for one grasp.
+MAX_CONFIGURATIONS = 6
+
+
+@dataclass(frozen=True)
+class Pick:
+    """A feasible way to take the object.
+
+    Attributes:
+        X_WG: (4, 4) grasp.
+        opening_m: of the fingers before they close.
+        release_m: to which they open when they let go.
+        approach_qs: (A, 7) from the pregrasp to the grasp.
+        lift_qs: (L, 7) from the grasp upwards.
+    """
+
+    X_WG: Array
+    opening_m: float
+    release_m: float
+    approach_qs: Array
+    lift_qs: Array
+
+    def held(self, p_WPs: Array) -> Array:
+        """Return points (N, 3) of the object before the pick in the gripper's frame, p_GPs."""
+        return transform_points(invert_pose(self.X_WG), p_WPs)
+
+
+class PickSearch:
+    """Finds picks and counts what grasps are rejected by."""
+
+    def __init__(self, world: CollisionWorld, target: PerceivedObject, ik: DrakeIk) -> None:
+        self._world = world
+        self._target = target
+        self._ik = ik
+        self.rejected: Counter[str] = Counter()
+
+    def find(self, X_WG: Array, fit: FingerFit, solutions: IkSolutions, index: int) -> Pick | None:
+        """Return a pick at the grasp, whose solutions are number `index` of `solutions`."""
+        if fit.clearance_m < MIN_CLEARANCE_M:
+            self.rejected["no opening clears the object"] += 1
+            return None
+        reason = "IK"
+        for q in self._configurations(X_WG, solutions.of(index, Q_COMFORT)):
+            pick, reason = self._from_configuration(q, X_WG, fit)
+            if pick is not None:
+                return pick
+        self.rejected[reason] += 1
+        return None
+
+    def _configurations(self, X_WG: Array, qs: Array) -> Iterator[Array]:
+        """Yield the solution nearest to comfort, refined, and then the others as they are."""
+        if not len(qs):
+            return
+        refined = self._ik.refine(X_WG, qs[0], Q_COMFORT)
+        if refined is not None:
+            exact = follow(refined, X_WG[None])
+            if exact is not None:
+                yield exact[0]
+        yield from qs[:MAX_CONFIGURATIONS]
+
+    def _from_configuration(self, q: Array, X_WG: Array, fit: FingerFit) -> tuple[Pick | None, str]:
+        touching = frozenset({AllowedContact.FINGERS_TARGET})
+        obstacles = self._target.p_WObstacles
+        grasping = Situation(fit.opening_m, p_WStanding=obstacles, allowed=touching)
+        if not self._world.free(q[None], grasping)[0]:
+            return None, "collision at the grasp"
+        back = follow(q, straight_line(X_WG, backed_off(X_WG, APPROACH_M), LINE_STEP_M))
+        if back is None:
+            return None, "IK of the approach"
+        approach = np.concatenate([back[::-1], q[None]])
+        if not self._world.path_free(approach, grasping):
+            return None, "collision on the approach"
+        if not self._world.free(approach[:1], Situation(fit.opening_m, p_WStanding=obstacles))[0]:
+            return None, "collision before the approach"
+        lift = self._lift(q, X_WG, fit)
+        if lift is None:
+            return None, "lift"
+        return Pick(X_WG, fit.opening_m, fit.release_m, approach, lift), ""
+
+    def _lift(self, q: Array, X_WG: Array, fit: FingerFit) -> Array | None:
+        p_GHeld = transform_points(invert_pose(X_WG), self._target.p_WObstacles)
+        on_table = frozenset({AllowedContact.HELD_TABLE})
+        lifting = Situation(fit.opening_m, p_GHeld=p_GHeld, allowed=on_table)
+        clear = Situation(fit.opening_m, p_GHeld=p_GHeld)
+        for height in LIFTS_M:
+            up = follow(q, straight_line(X_WG, shifted(X_WG, (0.0, 0.0, height)), LINE_STEP_M))
+            if up is None or not self._world.free(up[-1:], clear)[0]:
+                continue
+            path = np.concatenate([q[None], up])
+            if self._world.path_free(path, lifting):
+                return path
+        return None
+
+
+def grasp_preferences(X_WGs: Array, target: PerceivedObject, fits: list[FingerFit]) -> Array:
+    """Return (N,) factors in (0, 1]: which grasps hold well, by geometry alone.
+
+    Preferred are approaches from above, deep pinches, room for the fingers, and little torque: the
+    object's weight turns it about the closing direction, which friction alone resists, with a
+    lever of up to the distance of its centre of mass from that axis.
+    """
+    steepness = -X_WGs[:, 2, 2]
+    approach = 0.6 + 0.4 * np.clip(steepness, 0.0, 1.0)
+    lever = np.linalg.norm(np.cross(target.p_WCom - X_WGs[:, :3, 3], X_WGs[:, :3, 1]), axis=1)
+    depth = np.array([fit.pinch_depth_m for fit in fits])
+    room = np.array([fit.clearance_m for fit in fits])
+    balanced = np.exp(-np.square(lever / 0.07))
+    deep = 0.3 + 0.7 * np.clip(depth / 0.016, 0.0, 1.0)
+    wide = 0.5 + 0.5 * np.clip(room / 0.006, 0.0, 1.0)
+    return np.asarray(approach * balanced * deep * wide)
+
+
+def finger_fits(X_WGs: Array, target: PerceivedObject) -> list[FingerFit]:
+    """Return how the fingers fit at each of the grasps (N, 4, 4)."""
+    return [fit_fingers(X_WG, target.p_WDetails) for X_WG in X_WGs]

@@ -1,0 +1,173 @@
+"""The default planner: lazily searched pairs of picks and places, joined by free motions."""
+
+from collections import Counter
+
+import numpy as np
+
+from planning.candidates import BestPairs
+from planning.ik import DrakeIk, IkSolutions, solve_ik
+from planning.motion import free_motion
+from planning.perceived import PerceivedObject
+from planning.pick import Pick, PickSearch, finger_fits, grasp_preferences
+from planning.place import Place, PlaceSearch
+from planning.placements import Placement, placements
+from planning.planner import register_planner
+from planning.problem import Plan, PlanFailure, PlanningProblem, Stage, Subgoal
+from planning.segments import Route, plan_segments
+from planning.waypoints import place_grasp, with_half_turns
+from planning.world import CollisionWorld, Situation
+from split_drake.layout import Layout
+from split_drake.panda import Q_HOME
+from split_drake.pose_set import PoseTask
+from split_drake.poses import Array
+
+# Bounds of the search; the clock plays no part, so that the same seed gives the same plan.
+MAX_GRASPS = 96
+MAX_PAIRS = 6000
+MAX_PLACES = 1500
+MAX_ROUTES = 12
+
+
+@register_planner("default")
+class PickPlacePlanner:
+    """Plans pick-hang and pick-reorient from pose sets, the cloud and the static layout."""
+
+    def __init__(self) -> None:
+        self._ik = DrakeIk()
+        self._layout: Layout | None = None
+        self._world: CollisionWorld | None = None
+
+    def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
+        """Return a plan, or the counts of what candidates were rejected by."""
+        grasps = problem.pose_sets[PoseTask.GRASP].head(MAX_GRASPS)
+        if not len(grasps):
+            return PlanFailure(Stage.PERCEPTION, "no grasp was detected")
+        target = PerceivedObject.from_cloud(problem.p_WPs, _upright(problem))
+        goals = placements(problem, target)
+        if not goals:
+            return PlanFailure(Stage.PERCEPTION, f"no goal for {problem.subgoal} was detected")
+        search = _Search(self._world_of(problem.layout), self._ik, problem, target, goals, rng)
+        return search.run(grasps.X_WPs, grasps.scores)
+
+    def _world_of(self, layout: Layout) -> CollisionWorld:
+        if self._world is None or layout is not self._layout:
+            self._layout, self._world = layout, CollisionWorld(layout)
+        return self._world
+
+
+def _upright(problem: PlanningProblem) -> Array | None:
+    poses = problem.pose_sets.get(PoseTask.UPRIGHT)
+    return poses.X_WPs[0] if poses is not None and len(poses) else None
+
+
+class _Search:
+    """One search, with its counts."""
+
+    def __init__(
+        self,
+        world: CollisionWorld,
+        ik: DrakeIk,
+        problem: PlanningProblem,
+        target: PerceivedObject,
+        goals: list[Placement],
+        rng: np.random.Generator,
+    ) -> None:
+        self._world = world
+        self._problem = problem
+        self._target = target
+        self._goals = goals
+        self._rng = rng
+        self._picks = PickSearch(world, target, ik)
+        self._places = PlaceSearch(world, target)
+        self._found: dict[int, tuple[Pick, IkSolutions]] = {}
+        self._counts: Counter[str] = Counter()
+
+    def run(self, X_WGs: Array, scores: Array) -> Plan | PlanFailure:
+        fits = finger_fits(X_WGs, self._target)
+        row_scores = np.tile(scores * grasp_preferences(X_WGs, self._target, fits), 2)
+        rows = with_half_turns(X_WGs)
+        solutions = solve_ik(rows)
+        pairs = BestPairs(row_scores, [goal.score for goal in self._goals])
+        for row, column in pairs:
+            self._counts["pairs"] += 1
+            if row not in self._found:
+                self._counts["grasps"] += 1
+                pick = self._picks.find(rows[row], fits[row % len(fits)], solutions, row)
+                if pick is None:
+                    pairs.drop_row(row)
+                    continue
+                self._found[row] = (pick, self._solve_goals(pick))
+            plan = self._try(row, column)
+            if plan is not None:
+                return plan
+            if self._spent():
+                break
+        return PlanFailure(Stage.PLANNING, self._reason(), self._statistics())
+
+    def _solve_goals(self, pick: Pick) -> IkSolutions:
+        return solve_ik(
+            np.stack([place_grasp(goal.X_WOgoal, goal.X_WO, pick.X_WG) for goal in self._goals])
+        )
+
+    def _try(self, row: int, column: int) -> Plan | None:
+        pick, solutions = self._found[row]
+        qs = solutions.of(column, pick.lift_qs[-1])
+        self._counts["places"] += len(qs) > 0
+        place = self._places.find(pick, self._goals[column], qs)
+        if place is None:
+            return None
+        self._counts["routes"] += 1
+        route = self._route(pick, place)
+        if route is None:
+            self._places.rejected["no free motion"] += 1
+            return None
+        return Plan(
+            subgoal=self._problem.subgoal,
+            segments=plan_segments(self._world, self._target, pick, place, route),
+            X_WGrasp=pick.X_WG,
+            X_WGplace=place.X_WG,
+            X_WObject=place.placement.X_WO,
+            X_WGoal=place.placement.X_WOgoal,
+            statistics=self._statistics(),
+        )
+
+    def _route(self, pick: Pick, place: Place) -> Route | None:
+        """Return the motions between the straight lines, or None where one is missing."""
+        held = Situation(pick.opening_m, p_GHeld=pick.held(self._target.p_WObstacles))
+        transfer = self._motion(pick.lift_qs[-1], place.insert_qs[0], held)
+        if transfer is None:
+            return None
+        before = Situation(pick.opening_m, p_WStanding=self._target.p_WObstacles)
+        transit = self._motion(self._problem.q_start, pick.approach_qs[0], before)
+        if transit is None:
+            return None
+        if self._problem.subgoal is Subgoal.HANG:
+            return Route(transit, transfer, None)
+        after = Situation(pick.release_m, p_WStanding=place.p_WReleased)
+        home = self._motion(place.retreat_qs[-1], Q_HOME, after)
+        return None if home is None else Route(transit, transfer, home)
+
+    def _motion(self, q_start: Array, q_goal: Array, situation: Situation) -> Array | None:
+        return free_motion(self._world, q_start, q_goal, situation, self._rng)
+
+    def _spent(self) -> bool:
+        return (
+            self._counts["pairs"] >= MAX_PAIRS
+            or self._counts["places"] >= MAX_PLACES
+            or self._counts["routes"] >= MAX_ROUTES
+        )
+
+    def _statistics(self) -> dict[str, float]:
+        return {name: float(count) for name, count in self._counts.items()}
+
+    def _reason(self) -> str:
+        kind = "hook goals" if self._problem.subgoal is Subgoal.HANG else "upright goals"
+        return (
+            f"{len(self._found)} of {self._counts['grasps']} grasps feasible"
+            f" (rejected by: {_listed(self._picks.rejected)}); {self._counts['pairs']} pairs with"
+            f" {len(self._goals)} {kind} (rejected by: {_listed(self._places.rejected)})"
+        )
+
+
+def _listed(counts: Counter[str]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in counts.most_common()) or "nothing"

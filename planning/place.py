@@ -1,0 +1,133 @@
+"""Places: for a pick and a placement, the configurations that insert, lower and let go."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from planning.exemptions import peg_tube
+from planning.fingers import APPROACH_M
+from planning.ik import follow
+from planning.perceived import PerceivedObject
+from planning.pick import LINE_STEP_M, Pick
+from planning.placements import Placement
+from planning.problem import AllowedContact
+from planning.waypoints import backed_off, place_grasp, polyline, shifted, straight_line
+from planning.world import CollisionWorld, Situation
+from split_drake.poses import Array, transform_points
+
+# Configurations tried for one placement.
+MAX_CONFIGURATIONS = 3
+
+
+@dataclass(frozen=True)
+class Place:
+    """A feasible way to put the held object down.
+
+    Attributes:
+        placement: what it serves.
+        X_WG: (4, 4) gripper at the goal.
+        insert_qs: (I, 7) from the entry to the height where lowering starts.
+        lower_qs: (L, 7) down to the lowest height.
+        retreat_qs: (R, 7) back along the approach direction.
+        p_WReleased: (N, 3) the object's points after its release.
+        inserting: the situation during insertion and lowering.
+    """
+
+    placement: Placement
+    X_WG: Array
+    insert_qs: Array
+    lower_qs: Array
+    retreat_qs: Array
+    p_WReleased: Array
+    inserting: Situation
+
+
+class PlaceSearch:
+    """Finds places and counts what placements are rejected by."""
+
+    def __init__(self, world: CollisionWorld, target: PerceivedObject) -> None:
+        self._world = world
+        self._target = target
+        self.rejected: Counter[str] = Counter()
+
+    def find(self, pick: Pick, placement: Placement, qs: Array) -> Place | None:
+        """Return a place for the object held by `pick`.
+
+        Args:
+            pick: how the object is held.
+            placement: where it goes.
+            qs: (M, 7) solutions for the gripper at the goal, best first.
+        """
+        reason = "IK"
+        for q in qs[:MAX_CONFIGURATIONS]:
+            place, reason = self._from_configuration(q, pick, placement)
+            if place is not None:
+                return place
+        self.rejected[reason] += 1
+        return None
+
+    def _from_configuration(
+        self, q: Array, pick: Pick, placement: Placement
+    ) -> tuple[Place | None, str]:
+        inserting = self._inserting(pick, placement)
+        if not self._world.free(q[None], inserting)[0]:
+            return None, "collision at the goal"
+        X_WG = place_grasp(placement.X_WOgoal, placement.X_WO, pick.X_WG)
+        start, lowest = (
+            shifted(X_WG, (0.0, 0.0, height))
+            for height in (placement.lower_from_m, placement.lower_to_m)
+        )
+        lower = follow(q, polyline([start, lowest], LINE_STEP_M / 2.0))
+        if lower is None:
+            return None, "IK of the lowering"
+        if not self._world.path_free(lower, inserting):
+            return None, "collision while lowering"
+        insert = self._insertion(lower[0], X_WG, start, placement, inserting)
+        if insert is None:
+            return None, "insertion"
+        retreat, released = self._retreat(lower[-1], lowest, pick)
+        if retreat is None:
+            return None, "retreat"
+        return Place(placement, X_WG, insert, lower, retreat, released, inserting), ""
+
+    def _inserting(self, pick: Pick, placement: Placement) -> Situation:
+        obstacles = self._target.p_WObstacles
+        exempt = None
+        if AllowedContact.HELD_PEG in placement.contacts:
+            exempt = peg_tube(obstacles, placement.X_WO, placement.X_WOgoal)
+        return Situation(
+            pick.opening_m,
+            p_GHeld=pick.held(obstacles),
+            peg_exempt=exempt,
+            allowed=placement.contacts,
+        )
+
+    def _insertion(
+        self, q: Array, X_WG: Array, X_WGstart: Array, placement: Placement, inserting: Situation
+    ) -> Array | None:
+        """Return (I, 7) from the first entry that works to the start of the lowering, at `q`."""
+        carrying = Situation(inserting.opening_m, p_GHeld=inserting.p_GHeld)
+        for entry_W in placement.entries_W:
+            out = follow(q, straight_line(X_WGstart, shifted(X_WG, entry_W), LINE_STEP_M))
+            if out is None or not self._world.free(out[-1:], carrying)[0]:
+                continue
+            path = np.concatenate([out[::-1], q[None]])
+            if self._world.path_free(path, inserting):
+                return path
+        return None
+
+    def _retreat(self, q: Array, X_WGlowest: Array, pick: Pick) -> tuple[Array | None, Array]:
+        """Return (R, 7) back from the released object, and the object's points (N, 3) then."""
+        released = transform_points(X_WGlowest, pick.held(self._target.p_WObstacles))
+        back = follow(q, straight_line(X_WGlowest, backed_off(X_WGlowest, APPROACH_M), LINE_STEP_M))
+        if back is None:
+            return None, released
+        path = np.concatenate([q[None], back])
+        touching = frozenset({AllowedContact.FINGERS_TARGET})
+        letting_go = Situation(pick.release_m, p_WStanding=released, allowed=touching)
+        if not self._world.path_free(path, letting_go):
+            return None, released
+        if not self._world.free(path[-1:], Situation(pick.release_m, p_WStanding=released))[0]:
+            return None, released
+        return path, released

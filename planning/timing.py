@@ -1,0 +1,105 @@
+"""Time-optimal timing of joint paths by Drake's Toppra, within a share of the arm's limits."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from pydrake.multibody.optimization import Toppra
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.trajectories import PathParameterizedTrajectory, PiecewisePolynomial
+
+from planning.problem import JointTrajectory
+from planning.world import densified
+from split_drake.panda import add_panda, arm_limits
+from split_drake.poses import Array
+
+SAMPLE_S = 0.01
+# Paths are interpolated through points this close, so that corners are rounded only within it.
+KNOT_STEP_RAD = 0.05
+MAX_GRID_POINTS = 150
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Shares of the arm's limits, in (0, 1]."""
+
+    velocity: float
+    acceleration: float
+
+
+FREE = Speed(0.7, 0.4)
+LOADED = Speed(0.4, 0.25)
+CAREFUL = Speed(0.25, 0.2)
+FEELING = Speed(0.02, 0.05)
+
+
+def time_path(qs: Array, speed: Speed) -> JointTrajectory:
+    """Return the path through `qs` (N, 7), from rest to rest, sampled every 10 ms.
+
+    Raises RuntimeError where Toppra finds no timing, which limits that are all positive exclude.
+    """
+    knots = densified(np.asarray(qs, dtype=float), KNOT_STEP_RAD)
+    moved = np.concatenate([[True], np.abs(np.diff(knots, axis=0)).max(axis=1) > 1e-7])
+    knots = knots[moved]
+    if len(knots) < 2:
+        return rest(knots[0], SAMPLE_S)
+    if len(knots) == 2:
+        knots = np.stack([knots[0], knots.mean(axis=0), knots[1]])
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
+    fingers = np.zeros((len(knots), 2))
+    path = PiecewisePolynomial.CubicShapePreserving(lengths, np.hstack([knots, fingers]).T)
+    grid = np.linspace(0.0, lengths[-1], min(MAX_GRID_POINTS, 4 * len(knots)))
+    toppra = Toppra(path, _plant(), grid)
+    limits = arm_limits()
+    toppra.AddJointVelocityLimit(*_bounds(speed.velocity * limits.v_max))
+    toppra.AddJointAccelerationLimit(*_bounds(speed.acceleration * limits.a_max))
+    timing = toppra.SolvePathParameterization()
+    if timing is None:
+        raise RuntimeError(f"Toppra found no timing for a path of {lengths[-1]:.3f} rad")
+    return _sampled(PathParameterizedTrajectory(path, timing))
+
+
+def rest(q: Array, duration_s: float) -> JointTrajectory:
+    """Return a trajectory that stays at `q` (7,)."""
+    count = max(2, 1 + round(duration_s / SAMPLE_S))
+    qs = np.tile(np.asarray(q, dtype=np.float64), (count, 1))
+    return JointTrajectory(_sample_times(count), qs, np.zeros((count, 7)))
+
+
+def join(pieces: Sequence[JointTrajectory]) -> JointTrajectory:
+    """Return trajectories from rest to rest, each starting where the last one ends, as one."""
+    times, qs, vs = [pieces[0].times_s], [pieces[0].qs], [pieces[0].vs]
+    for piece in pieces[1:]:
+        times.append(times[-1][-1] + piece.times_s[1:])
+        qs.append(piece.qs[1:])
+        vs.append(piece.vs[1:])
+    return JointTrajectory(np.concatenate(times), np.concatenate(qs), np.concatenate(vs))
+
+
+def _sample_times(count: int) -> Array:
+    return np.arange(count, dtype=np.float64) * SAMPLE_S
+
+
+def _bounds(maximum: Array) -> tuple[Array, Array]:
+    """Return lower and upper limits of arm and fingers, which stay where they are."""
+    upper = np.concatenate([maximum, np.ones(2)])
+    return -upper, upper
+
+
+def _sampled(trajectory: PathParameterizedTrajectory) -> JointTrajectory:
+    end_s = trajectory.end_time()
+    count = max(2, 1 + int(np.ceil(end_s / SAMPLE_S)))
+    times = np.minimum(SAMPLE_S * np.arange(count), end_s)
+    qs = trajectory.vector_values(times).T[:, :7]
+    vs = np.stack([trajectory.EvalDerivative(t).reshape(-1)[:7] for t in times])
+    vs[[0, -1]] = 0.0
+    return JointTrajectory(_sample_times(count), qs, vs)
+
+
+@cache
+def _plant() -> MultibodyPlant:
+    plant = MultibodyPlant(time_step=0.001)
+    add_panda(plant)
+    plant.Finalize()
+    return plant

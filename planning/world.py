@@ -1,0 +1,188 @@
+"""The collision world: the robot, the static station, and the object as a perceived cloud.
+
+Robot against table, hook and itself is Drake's `SceneGraphCollisionChecker`.  The object is a set
+of points with a radius, standing in the world or held by the hand; it is checked by the distances
+of its points, so that contacts can be exempted point by point and objects change for free.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common import Parallelism
+from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
+
+from planning.distances import arm_capsules, distance_to_box, distance_to_segments, hook_capsules
+from planning.kinematics import X_7G, link_poses
+from planning.problem import AllowedContact
+from split_drake.fixtures import add_hook, add_table
+from split_drake.gripper import PALM, Box, finger_boxes
+from split_drake.layout import Layout
+from split_drake.panda import add_panda, panda_positions
+from split_drake.poses import Array, invert_pose
+
+# Joint motions are checked at steps of this size.
+EDGE_STEP_RAD = 0.02
+# Each perceived point stands for a sphere of this radius: half the diagonal of the cloud's voxels
+# within the surface.
+POINT_RADIUS_M = 0.006
+# The robot stays this far from the hook.
+HOOK_MARGIN_M = 0.004
+
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What the hand holds and what stands around it during a motion.
+
+    Attributes:
+        opening_m: distance between the pads.
+        p_WStanding: (N, 3) points of an object that stands in the world, or None.
+        p_GHeld: (N, 3) points of an object in the hand, or None.
+        peg_exempt: (N,) the held points that HELD_PEG exempts.
+        allowed: declared contacts; HELD_PEG acts on `peg_exempt` alone.
+    """
+
+    opening_m: float
+    p_WStanding: Array | None = None
+    p_GHeld: Array | None = None
+    peg_exempt: BoolArray | None = None
+    allowed: frozenset[AllowedContact] = frozenset()
+
+
+class CollisionWorld:
+    """Checks configurations of the arm against everything around it.
+
+    Attributes:
+        checker: of the robot against the static station and itself.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self.checker = _static_checker(layout)
+        self._peg, self._post = hook_capsules(layout)
+
+    def free(self, qs: Array, situation: Situation) -> BoolArray:
+        """Return (N,): which configurations (N, 7) touch nothing that is not allowed."""
+        free = np.array([self._static_free(q, situation.opening_m) for q in qs], dtype=bool)
+        if free.any():
+            free[free] = self._object_free(qs[free], situation)
+        return free
+
+    def path_free(self, qs: Array, situation: Situation) -> bool:
+        """Return whether the straight joint motions through `qs` (N, 7) are free."""
+        dense = densified(qs, EDGE_STEP_RAD)
+        return all(self._static_free(q, situation.opening_m) for q in dense) and bool(
+            self._object_free(dense, situation).all()
+        )
+
+    def _static_free(self, q: Array, opening_m: float) -> bool:
+        return bool(self.checker.CheckConfigCollisionFree(panda_positions(q, opening_m)))
+
+    def _object_free(self, qs: Array, situation: Situation) -> BoolArray:
+        free = np.ones(len(qs), dtype=bool)
+        if situation.p_WStanding is None and situation.p_GHeld is None:
+            return free
+        X_WLs = link_poses(qs)
+        X_WGs = X_WLs[:, 6] @ X_7G
+        if situation.p_WStanding is not None:
+            p_WPs = np.broadcast_to(situation.p_WStanding, (len(qs), *situation.p_WStanding.shape))
+            free &= _arm_free(X_WLs, p_WPs, last_link=7)
+            free &= _hand_free(X_WGs, situation.p_WStanding, situation)
+        if situation.p_GHeld is not None:
+            p_WPs = _posed(X_WGs, situation.p_GHeld)
+            free &= _arm_free(X_WLs, p_WPs, last_link=6)
+            free &= self._held_free(p_WPs, situation)
+        return free
+
+    def _held_free(self, p_WPs: Array, situation: Situation) -> BoolArray:
+        """Return (B,): whether the held points (B, N, 3) are clear of the table and the hook."""
+        free = np.ones(len(p_WPs), dtype=bool)
+        if AllowedContact.HELD_TABLE not in situation.allowed:
+            free &= p_WPs[..., 2].min(axis=1) > POINT_RADIUS_M
+        for capsule in (self._peg, self._post):
+            gap = capsule.radius_m + POINT_RADIUS_M
+            touching = distance_to_segments(p_WPs, *capsule.p_FEnds) < gap
+            if capsule is self._peg and AllowedContact.HELD_PEG in situation.allowed:
+                touching &= ~_required(situation.peg_exempt)
+            free &= ~touching.any(axis=1)
+        return free
+
+
+def densified(qs: Array, step_rad: float) -> Array:
+    """Return the path (M, 7) with no joint moving by more than `step_rad` between neighbours."""
+    pieces = [qs[:1]]
+    for start, end in pairwise(qs):
+        count = max(1, int(np.ceil(np.abs(end - start).max() / step_rad)))
+        shares = np.arange(1, count + 1)[:, None] / count
+        pieces.append(start + shares * (end - start))
+    return np.concatenate(pieces)
+
+
+def _required(mask: BoolArray | None) -> BoolArray:
+    if mask is None:
+        raise ValueError("HELD_PEG is allowed but no points are exempt; expected peg_exempt")
+    return mask
+
+
+def _posed(X_WGs: Array, p_GPs: Array) -> Array:
+    """Return (B, N, 3): points (N, 3) of G for each of the poses (B, 4, 4)."""
+    return np.einsum("bij,nj->bni", X_WGs[:, :3, :3], p_GPs) + X_WGs[:, None, :3, 3]
+
+
+def _hand_free(X_WGs: Array, p_WPs: Array, situation: Situation) -> BoolArray:
+    """Return (B,): whether palm and, unless exempt, fingers are clear of points (N, 3)."""
+    boxes: tuple[Box, ...] = (PALM,)
+    if AllowedContact.FINGERS_TARGET not in situation.allowed:
+        boxes += finger_boxes(situation.opening_m)
+    p_GPs = _posed(invert_pose(X_WGs), p_WPs)
+    free = np.ones(len(X_WGs), dtype=bool)
+    for box in boxes:
+        free &= distance_to_box(p_GPs, box).min(axis=1) > POINT_RADIUS_M
+    return free
+
+
+def _arm_free(X_WLs: Array, p_WPs: Array, last_link: int) -> BoolArray:
+    """Return (B,): whether links 0 to `last_link` are clear of points (B, N, 3).
+
+    Capsules that the points' bounding sphere shows to be far away are not looked at closer.
+    """
+    free = np.ones(len(p_WPs), dtype=bool)
+    center = p_WPs.mean(axis=1, keepdims=True)
+    reach = np.linalg.norm(p_WPs - center, axis=-1).max(axis=1)
+    X_W0s = np.broadcast_to(np.eye(4), (len(X_WLs), 1, 4, 4))
+    X_WLs = np.concatenate([X_W0s, X_WLs], axis=1)
+    for link, capsule in arm_capsules():
+        if link > last_link:
+            continue
+        p_WEnds = np.swapaxes(_posed(X_WLs[:, link], capsule.p_FEnds), 0, 1)
+        gap = capsule.radius_m + POINT_RADIUS_M
+        near = free & (distance_to_segments(center, *p_WEnds)[:, 0] < reach + gap)
+        if near.any():
+            distances = distance_to_segments(p_WPs[near], *p_WEnds[:, near])
+            free[near] = distances.min(axis=1) > gap
+    return free
+
+
+def _static_checker(layout: Layout) -> SceneGraphCollisionChecker:
+    """Return the checker of the robot against table, hook (widened by the margin) and itself."""
+    hook = replace(
+        layout.hook,
+        peg_radius_m=layout.hook.peg_radius_m + HOOK_MARGIN_M,
+        tip_distance_m=layout.hook.tip_distance_m + HOOK_MARGIN_M,
+        post_radius_m=layout.hook.post_radius_m + HOOK_MARGIN_M,
+        post_above_m=layout.hook.post_above_m + HOOK_MARGIN_M,
+    )
+    builder = RobotDiagramBuilder(time_step=0.001)
+    panda = add_panda(builder.plant())
+    add_table(builder.plant(), layout)
+    add_hook(builder.plant(), replace(layout, hook=hook))
+    return SceneGraphCollisionChecker(
+        model=builder.Build(),
+        robot_model_instances=[panda],
+        edge_step_size=EDGE_STEP_RAD,
+        env_collision_padding=0.0,
+        self_collision_padding=0.0,
+        implicit_context_parallelism=Parallelism(1),
+    )

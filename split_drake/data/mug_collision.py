@@ -1,0 +1,124 @@
+"""Collision geometry of parametric mugs: rings of boxes, a base cylinder, chains of capsules."""
+
+import numpy as np
+
+from split_drake.data.mug_mesh import handle_path
+from split_drake.data.mug_parameters import MugParameters, outer_radius_m
+from split_drake.objects import Primitive
+from split_drake.poses import Array, make_pose
+
+# Boxes around a ring, by the number of rings.  With fewer boxes mugs rest on edges they don't have.
+BOXES_PER_RING = {1: 24, 2: 24, 3: 20, 4: 18}
+WALL_TOLERANCE_M = 0.0006
+MAX_HANDLE_SEGMENTS = 9
+HANDLE_TOLERANCE_M = 0.0006
+
+
+def _chord_errors(path: Array) -> Array:
+    """Return (N, N): how far the points between i and j lie from the chord i-j at most."""
+    count = len(path)
+    errors = np.full((count, count), np.inf)
+    for i in range(count - 1):
+        for j in range(i + 1, count):
+            chord = path[j] - path[i]
+            offset = path[i : j + 1] - path[i]
+            cross = chord[0] * offset[:, 1] - chord[1] * offset[:, 0]
+            errors[i, j] = np.abs(cross).max() / np.linalg.norm(chord)
+    return errors
+
+
+def simplify_path(path: Array, tolerance_m: float, max_segments: int) -> Array:
+    """Return the fewest of the points `path` (N, 2) that follow it within `tolerance_m`.
+
+    Where `max_segments` do not suffice, return those with the least deviation.  Exact, by dynamic
+    programming over the last point kept.
+    """
+    errors = _chord_errors(path)
+    best = errors[0].copy()
+    parents: list[np.ndarray] = []
+    while best[-1] > tolerance_m and len(parents) + 1 < max_segments:
+        through = np.maximum(best[:, None], errors)
+        parents.append(through.argmin(axis=0))
+        best = through.min(axis=0)
+    kept = [len(path) - 1]
+    for parent in reversed(parents):
+        kept.append(int(parent[kept[-1]]))
+    return path[[0, *reversed(kept)]]
+
+
+def _ring(parameters: MugParameters, lower: Array, upper: Array, count: int) -> list[Primitive]:
+    """Return `count` boxes whose outer faces follow the wall from `lower` to `upper` (r, z).
+
+    The polygon's faces lie half their sagitta inside the circle, its edges half outside.
+    """
+    fit = (1.0 + np.cos(np.pi / count)) / 2.0
+    along = np.array([(upper[0] - lower[0]) * fit, upper[1] - lower[1]])
+    length = float(np.linalg.norm(along))
+    along /= length
+    inward = np.array([-along[1], along[0]])
+    middle = np.array([(lower[0] + upper[0]) / 2.0 * fit, (lower[1] + upper[1]) / 2.0])
+    center = middle + inward * parameters.wall_m / 2.0
+    width = 2.0 * float(np.tan(np.pi / count) * max(lower[0], upper[0]) * fit)
+    boxes = []
+    for angle in 2.0 * np.pi * np.arange(count) / count:
+        radial = np.array([np.cos(angle), np.sin(angle), 0.0])
+        x = -inward[0] * radial - (0.0, 0.0, inward[1])
+        z = along[0] * radial + (0.0, 0.0, along[1])
+        X_OP = make_pose(np.column_stack([x, np.cross(z, x), z]), center[0] * radial)
+        X_OP[2, 3] = center[1]
+        boxes.append(Primitive("box", (parameters.wall_m, width, length), X_OP))
+    return boxes
+
+
+def wall_boxes(parameters: MugParameters) -> list[Primitive]:
+    """Return the wall's boxes, one ring for each straight stretch of the profile."""
+    z = np.linspace(0.0, parameters.height_m, 30)
+    outline = np.column_stack([outer_radius_m(parameters, z), z])
+    corners = simplify_path(outline, WALL_TOLERANCE_M, max(BOXES_PER_RING))
+    count = BOXES_PER_RING[len(corners) - 1]
+    return [
+        box
+        for lower, upper in zip(corners[:-1], corners[1:], strict=True)
+        for box in _ring(parameters, lower, upper, count)
+    ]
+
+
+def base_cylinder(parameters: MugParameters) -> Primitive:
+    """Return the base, as wide as the body where it stands on the table."""
+    radius = float(outer_radius_m(parameters, 0.0))
+    center = make_pose(p=(0.0, 0.0, parameters.base_m / 2.0))
+    return Primitive("cylinder", (radius, parameters.base_m), center)
+
+
+def _capsule(p_OA: Array, p_OB: Array, radius: float) -> Primitive:
+    """Return a capsule around the segment from `p_OA` to `p_OB` in the plane of constant y."""
+    z = p_OB - p_OA
+    length = float(np.linalg.norm(z))
+    z = z / length
+    y = np.array([0.0, 1.0, 0.0])
+    R_OP = np.column_stack([np.cross(y, z), y, z])
+    return Primitive("capsule", (radius, length), make_pose(R_OP, (p_OA + p_OB) / 2.0))
+
+
+def handle_capsules(parameters: MugParameters) -> list[Primitive]:
+    """Return chains of capsules along the handle, side by side where it is wider than thick."""
+    radius = parameters.grip_thickness_m / 2.0
+    aspect = parameters.grip_aspect
+    rows = 1 if aspect < 1.1 else 2 if aspect < 1.6 else 3
+    spread = radius * (aspect - 1.0)
+    ys = np.linspace(-spread, spread, rows) if rows > 1 else np.zeros(1)
+    path = simplify_path(handle_path(parameters), HANDLE_TOLERANCE_M, MAX_HANDLE_SEGMENTS)
+    return [
+        _capsule(np.array([a[0], y, a[1]]), np.array([b[0], y, b[1]]), radius)
+        for y in ys
+        for a, b in zip(path[:-1], path[1:], strict=True)
+    ]
+
+
+def collision_geometry(parameters: MugParameters) -> tuple[Primitive, ...]:
+    """Return convex pieces in O that agree with the mesh within about 1.5 mm."""
+    return (
+        *wall_boxes(parameters),
+        base_cylinder(parameters),
+        *handle_capsules(parameters),
+    )

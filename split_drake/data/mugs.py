@@ -1,0 +1,152 @@
+"""Mugs by name: building shapes from parameters, and the fixed split into train and test.
+
+``python -m split_drake.data.mugs`` writes ``models/mugs/{train,test}.json``, the parameter sets
+that ``load_mug("train_017")`` builds a mug from.
+"""
+
+import json
+from collections import Counter
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+import shapely
+import trimesh
+import tyro
+from rich import print
+
+from split_drake.data.mug_collision import collision_geometry
+from split_drake.data.mug_mesh import InvalidMugError, make_mesh
+from split_drake.data.mug_parameters import MugParameters, sample_parameters
+from split_drake.objects import MugShape, RigidObject
+from split_drake.poses import Array, make_pose
+
+Split = Literal["train", "test"]
+
+# A peg through the middle of the opening needs this much room around its axis.
+OPENING_CLEARANCE_M = 0.009
+
+
+def opening_outline(mesh: trimesh.Trimesh) -> Array:
+    """Return (M, 3) the closed outline of the handle's opening in the plane y = 0 of O.
+
+    Raises InvalidMugError where the mesh cut by that plane has not exactly one hole.
+    """
+    section = mesh.section(plane_origin=np.zeros(3), plane_normal=np.array([0.0, 1.0, 0.0]))
+    rings = [] if section is None else [np.asarray(ring) for ring in section.discrete]
+    if len(rings) != 2:
+        raise InvalidMugError(f"no single opening: the plane y = 0 cuts {len(rings)} rings")
+    return min(rings, key=lambda ring: shapely.Polygon(ring[:, [0, 2]]).area)
+
+
+def _handle_pose(opening_OPs: Array) -> Array:
+    """Return X_OH, parallel to O with its origin at the centroid of the opening's outline."""
+    polygon = shapely.Polygon(opening_OPs[:, [0, 2]])
+    center = polygon.centroid
+    clearance = center.distance(polygon.exterior) if polygon.contains(center) else 0.0
+    if clearance < OPENING_CLEARANCE_M:
+        raise InvalidMugError(
+            f"tight opening: {clearance:.4f} m of room around its centroid, "
+            f"expected {OPENING_CLEARANCE_M}"
+        )
+    return make_pose(p=(center.x, 0.0, center.y))
+
+
+def build_mug(name: str, parameters: MugParameters) -> MugShape:
+    """Return the mug that `parameters` describe.
+
+    Raises InvalidMugError where they describe none: the reason, a colon, and the numbers.
+    """
+    mesh = make_mesh(parameters)
+    opening_OPs = opening_outline(mesh)
+    X_OH = _handle_pose(opening_OPs)
+    inertia = mesh.moment_inertia * (parameters.mass_kg / mesh.volume)
+    body = RigidObject(
+        name=name,
+        mesh=mesh,
+        mass_kg=parameters.mass_kg,
+        p_OCom=np.asarray(mesh.center_mass),
+        inertia_kg_m2=inertia,
+        collision=collision_geometry(parameters),
+    )
+    return MugShape(body, X_OH, opening_OPs, 2.0 * parameters.outer_radius_m)
+
+
+@lru_cache(maxsize=2)
+def _read_split(split: str) -> tuple[MugParameters, ...]:
+    if split not in get_args(Split):
+        raise ValueError(f"split is {split!r}; expected one of {get_args(Split)}")
+    text = resources.files("models").joinpath("mugs", f"{split}.json").read_text()
+    return tuple(MugParameters(**entry) for entry in json.loads(text)["mugs"])
+
+
+def mug_names(split: Split) -> tuple[str, ...]:
+    """Return the names of the split's mugs, such as "train_017"."""
+    return tuple(f"{split}_{i:03d}" for i in range(len(_read_split(split))))
+
+
+def mug_parameters(name: str) -> MugParameters:
+    """Return the parameters of the mug `name`; raise ValueError where there is none."""
+    split, _, number = name.rpartition("_")
+    if split not in get_args(Split) or name not in mug_names(split):
+        raise ValueError(f"no mug is called {name!r}; expected train_000 or test_000 and so on")
+    return _read_split(split)[int(number)]
+
+
+def load_mug(name: str) -> MugShape:
+    """Return the mug `name` of the fixed split."""
+    return build_mug(name, mug_parameters(name))
+
+
+def draw_mugs(
+    count: int, rng: np.random.Generator
+) -> tuple[tuple[MugParameters, ...], Counter[str]]:
+    """Return `count` valid parameter sets, and how many draws were rejected for which reason."""
+    drawn: list[MugParameters] = []
+    rejected: Counter[str] = Counter()
+    while len(drawn) < count:
+        parameters = sample_parameters(rng)
+        try:
+            build_mug("draft", parameters)
+        except InvalidMugError as error:
+            rejected[str(error).split(":")[0]] += 1
+        else:
+            drawn.append(parameters)
+    return tuple(drawn), rejected
+
+
+@dataclass(frozen=True)
+class SplitConfig:
+    """Draws the mugs that the project trains and tests on.
+
+    Attributes:
+        out: folder to write train.json and test.json to.
+        train: shapes for training.
+        test: shapes for testing.
+        seed: of the draws; both sets come from one stream, so they differ in all parameters.
+    """
+
+    out: Path = Path("models/mugs")
+    train: int = 200
+    test: int = 40
+    seed: int = 0
+
+
+def write_split(config: SplitConfig) -> None:
+    """Draw the split, write it, and print the share of draws that were rejected."""
+    mugs, rejected = draw_mugs(config.train + config.test, np.random.default_rng(config.seed))
+    config.out.mkdir(parents=True, exist_ok=True)
+    for split, chosen in (("train", mugs[: config.train]), ("test", mugs[config.train :])):
+        content = {"seed": config.seed, "mugs": [asdict(parameters) for parameters in chosen]}
+        (config.out / f"{split}.json").write_text(json.dumps(content, indent=1) + "\n")
+    draws = len(mugs) + rejected.total()
+    print(f"{len(mugs)} mugs from {draws} draws, {rejected.total() / draws:.0%} rejected:")
+    for reason, count in rejected.most_common():
+        print(f"  {count / draws:6.1%}  {reason}")
+
+
+if __name__ == "__main__":
+    write_split(tyro.cli(SplitConfig))

@@ -1,0 +1,128 @@
+"""Ground truth: the simulator's state, and the true pose sets of a mug.
+
+Nothing else reads the simulator's state; detectors and planners see depth images only.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.multibody.tree import RigidBody
+
+from split_drake.data.grasps import GraspLabels, feasible
+from split_drake.objects import MugShape
+from split_drake.pose_set import PoseSet, PoseTask
+from split_drake.poses import Array, transform_points
+from split_drake.scene import Scene
+from split_drake.station import Station
+
+
+@dataclass(frozen=True)
+class ObjectContact:
+    """A point where an object touches something.
+
+    Attributes:
+        body: name of the other body.
+        p_WC: (3,) the point, metres in W.
+        depth_m: penetration there.
+    """
+
+    body: str
+    p_WC: Array
+    depth_m: float
+
+
+class Truth:
+    """The true state of a station's objects, by their index."""
+
+    def __init__(self, station: Station) -> None:
+        self._station = station
+        self._plant = station.plant
+
+    def X_WO(self, index: int = 0) -> Array:
+        """Return the pose of an object, (4, 4)."""
+        pose = self._plant.EvalBodyPoseInWorld(self._station.plant_context, self._body(index))
+        return pose.GetAsMatrix4()
+
+    def p_WCom(self, index: int = 0) -> Array:
+        """Return the centre of mass of an object, (3,) in W."""
+        p_OCom = np.atleast_2d(self._station.objects[index].p_OCom)
+        return transform_points(self.X_WO(index), p_OCom)[0]
+
+    def velocity(self, index: int = 0) -> tuple[Array, Array]:
+        """Return velocity (3,) in m/s and angular velocity (3,) in rad/s of an object, in W."""
+        context = self._station.plant_context
+        V_WO = self._plant.EvalBodySpatialVelocityInWorld(context, self._body(index))
+        return V_WO.translational(), V_WO.rotational()
+
+    def contacts(self, index: int = 0) -> tuple[ObjectContact, ...]:
+        """Return all points where an object touches something, as of the last step."""
+        return tuple(self._iterate_contacts(index))
+
+    def touching(self, index: int = 0) -> frozenset[str]:
+        """Return the names of the bodies that an object touches."""
+        return frozenset(contact.body for contact in self._iterate_contacts(index))
+
+    def _body(self, index: int) -> RigidBody:
+        return self._plant.get_body(self._station.object_body(index))
+
+    def _iterate_contacts(self, index: int) -> Iterator[ObjectContact]:
+        port = self._plant.get_contact_results_output_port()
+        results = port.Eval(self._station.plant_context)
+        own = self._station.object_body(index)
+        for number in range(results.num_point_pair_contacts()):
+            info = results.point_pair_contact_info(number)
+            pair = {info.bodyA_index(), info.bodyB_index()}
+            if own in pair:
+                (other,) = pair - {own}
+                name = self._plant.get_body(other).name()
+                yield ObjectContact(name, info.contact_point(), info.point_pair().depth)
+
+
+class OracleDetector:
+    """Returns the true pose sets of a mug, whatever the scene shows; a PoseDetector.
+
+    Grasps come from the labels that are feasible as the mug lies, ranked by their quality; the
+    handle's two symmetric poses and the upright pose have score 1.
+
+    Args:
+        truth: of the station.
+        mug: the shape of object `index`.
+        labels: of that mug.
+        index: which object it is.
+        max_grasps: a random subset of this many grasps is returned where there are more.
+    """
+
+    def __init__(
+        self,
+        truth: Truth,
+        mug: MugShape,
+        labels: GraspLabels,
+        index: int = 0,
+        max_grasps: int = 512,
+    ) -> None:
+        self._truth = truth
+        self._mug = mug
+        self._labels = labels
+        self._index = index
+        self._max_grasps = max_grasps
+
+    def detect(
+        self, scene: Scene, tasks: Sequence[PoseTask], rng: np.random.Generator
+    ) -> dict[PoseTask, PoseSet]:
+        """Return one pose set for each of `tasks`; the grasps' set is empty if none is feasible."""
+        X_WO = self._truth.X_WO(self._index)
+        return {task: self._pose_set(task, X_WO, rng) for task in tasks}
+
+    def _pose_set(self, task: PoseTask, X_WO: Array, rng: np.random.Generator) -> PoseSet:
+        if task is PoseTask.GRASP:
+            return self._grasps(X_WO, rng)
+        X_WPs = self._mug.handle_poses(X_WO) if task is PoseTask.HANDLE else X_WO[None]
+        return PoseSet(task, X_WPs, np.ones(len(X_WPs)))
+
+    def _grasps(self, X_WO: Array, rng: np.random.Generator) -> PoseSet:
+        labels = self._labels
+        kept = np.flatnonzero(feasible(X_WO, labels.X_OGs, labels.openings_m))
+        if len(kept) > self._max_grasps:
+            kept = rng.choice(kept, self._max_grasps, replace=False)
+        return PoseSet.ranked(PoseTask.GRASP, X_WO @ labels.X_OGs[kept], labels.qualities[kept])

@@ -1,0 +1,116 @@
+"""Checkpoints: a network's weights with what it takes to rebuild it and to know where it is from.
+
+A checkpoint is a safetensors file whose metadata holds `CheckpointInfo` as JSON.
+"""
+
+import json
+import tempfile
+from dataclasses import asdict, dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+
+from split_drake.split.diffusion import NoiseSchedule
+from split_drake.split.network import SplitConfig, SplitNetwork
+
+FORMAT = "split_drake.split"
+FORMAT_VERSION = 1
+DEFAULT_WEIGHTS = "split_mugs.safetensors"
+
+
+class CheckpointError(ValueError):
+    """A file is no checkpoint that this version can read."""
+
+
+@dataclass(frozen=True)
+class CheckpointInfo:
+    """Where a network comes from.
+
+    Attributes:
+        config: architecture and noise schedule.
+        training: options of the run that made it.
+        seed: of that run.
+        dataset_hash: of the data it was trained on.
+        commit: of the source it was trained by.
+        steps, scenes: optimiser steps, and scenes seen in them.
+        metrics: what it reached, by name.
+    """
+
+    config: SplitConfig
+    training: dict[str, Any]
+    seed: int
+    dataset_hash: str
+    commit: str
+    steps: int
+    scenes: int
+    metrics: dict[str, Any] = field(default_factory=dict)
+
+
+def default_weights() -> Path:
+    """Return the path of the checkpoint that ships with the project."""
+    return Path(str(resources.files("models").joinpath("weights", DEFAULT_WEIGHTS)))
+
+
+def save_checkpoint(path: Path, network: SplitNetwork, info: CheckpointInfo) -> None:
+    """Write `network` to `path`, atomically.
+
+    Raises ValueError where `info` describes another architecture.
+    """
+    if network.config != info.config:
+        raise ValueError(f"info describes {info.config}, the network is {network.config}")
+    metadata = {
+        "format": FORMAT,
+        "format_version": str(FORMAT_VERSION),
+        "info": json.dumps(asdict(info)),
+    }
+    tensors = {name: value.cpu().contiguous() for name, value in network.state_dict().items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".partial", delete=False) as file:
+        temporary = Path(file.name)
+    save_file(tensors, temporary, metadata)
+    temporary.chmod(0o644)
+    temporary.replace(path)
+
+
+def _parse_info(text: str) -> CheckpointInfo:
+    """Return the info written by `save_checkpoint`; unknown or missing keys raise TypeError."""
+    values = json.loads(text)
+    config = values.pop("config")
+    noise = NoiseSchedule(**config.pop("noise"))
+    lists = {key: tuple(value) for key, value in config.items() if isinstance(value, list)}
+    return CheckpointInfo(config=SplitConfig(**(config | lists), noise=noise), **values)
+
+
+def load_checkpoint(path: Path) -> tuple[SplitNetwork, CheckpointInfo]:
+    """Return the network, ready for inference on the CPU, and its provenance.
+
+    Raises CheckpointError where the file is missing, damaged, of another program or version, or
+    where its weights don't fit the architecture it describes.
+    """
+    if not path.is_file():
+        raise CheckpointError(f"{path} does not exist; expected a SPLIT checkpoint (.safetensors)")
+    try:
+        with safe_open(path, framework="pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except SafetensorError as error:
+        raise CheckpointError(f"{path} is damaged or no safetensors file: {error}") from error
+    if metadata.get("format") != FORMAT:
+        raise CheckpointError(
+            f"{path} is of format {metadata.get('format')!r}; expected {FORMAT!r}"
+        )
+    if metadata.get("format_version") != str(FORMAT_VERSION):
+        raise CheckpointError(
+            f"{path} has format version {metadata.get('format_version')}; "
+            f"this code reads version {FORMAT_VERSION}"
+        )
+    try:
+        info = _parse_info(metadata["info"])
+        network = SplitNetwork(info.config)
+        network.load_state_dict(tensors)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise CheckpointError(f"{path} does not describe the network it holds: {error}") from error
+    return network.eval(), info

@@ -1,0 +1,78 @@
+"""Local geometric context: scene features around a pose, along its own axes (paper IV-C)."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+_CORNERS = [(a, b, c) for a in (0, 1) for b in (0, 1) for c in (0, 1)]
+
+
+def point_kernel(offset_m: float) -> Tensor:
+    """Return the paper's seven points (7, 3): the centre, and +-offset along x, y and z."""
+    axes = offset_m * torch.eye(3)
+    return torch.cat([torch.zeros(1, 3), torch.stack([axes, -axes], 1).reshape(6, 3)])
+
+
+@dataclass(frozen=True)
+class FeatureTables:
+    """Feature grids of a batch of B scenes, one row per cell, ready to be looked up many times.
+
+    Cell i of a grid of n cells lies at the centre of voxel i * (r / n) of the input grid of
+    resolution r: there the strided convolutions that made it are centred.
+
+    Attributes:
+        tables: for each grid, (B * n^3, C) rows in the order [scene, x, y, z].
+        sizes: n of each grid.
+        scenes: B.
+        resolution: r.
+        edge_m: edge of the cube that all the grids cover.
+    """
+
+    tables: tuple[Tensor, ...]
+    sizes: tuple[int, ...]
+    scenes: int
+    resolution: int
+    edge_m: float
+
+    @classmethod
+    def from_grids(cls, grids: list[Tensor], resolution: int, edge_m: float) -> "FeatureTables":
+        """Lay out `grids`, each (B, C, n, n, n) indexed [x, y, z]."""
+        tables = tuple(
+            grid.permute(0, 2, 3, 4, 1).reshape(-1, grid.shape[1]).float() for grid in grids
+        )
+        sizes = tuple(grid.shape[-1] for grid in grids)
+        return cls(tables, sizes, len(grids[0]), resolution, edge_m)
+
+    def lookup(self, p_VQs: Tensor) -> Tensor:
+        """Return features (B, Q, sum of C) at points (B, Q, 3) in V, metres.
+
+        Interpolation is trilinear; points beyond the outermost cells take those cells' values.
+        """
+        voxels = p_VQs.reshape(-1, 3) * (self.resolution / self.edge_m) - 0.5
+        scene = torch.arange(self.scenes, device=p_VQs.device).repeat_interleave(p_VQs.shape[1])
+        features = [
+            self._lookup_grid(table, size, voxels, scene)
+            for table, size in zip(self.tables, self.sizes, strict=True)
+        ]
+        return torch.cat(features, -1).view(*p_VQs.shape[:2], -1)
+
+    def _lookup_grid(self, table: Tensor, size: int, voxels: Tensor, scene: Tensor) -> Tensor:
+        """Return features (Q, C) of one grid at `voxels` (Q, 3) of the scenes `scene` (Q,)."""
+        cells = (voxels * (size / self.resolution)).clamp(0.0, size - 1.0)
+        low = cells.floor().clamp(max=size - 2.0)
+        high_share = cells - low
+        shares = torch.stack([1.0 - high_share, high_share], -1)  # (Q, axis, low or high)
+        x, y, z = shares.unbind(1)
+        weights = (x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]).view(-1, 8)
+        index = low.long()
+        first = ((scene * size + index[:, 0]) * size + index[:, 1]) * size + index[:, 2]
+        steps = torch.tensor([(a * size + b) * size + c for a, b, c in _CORNERS])
+        rows = first[:, None] + steps.to(first.device)
+        return functional.embedding_bag(rows, table, per_sample_weights=weights, mode="sum")
+
+    def around(self, X_VPs: Tensor, kernel: Tensor) -> Tensor:
+        """Return contexts (B, N, K * sum of C) of poses (B, N, 4, 4) for kernel points (K, 3)."""
+        p_VQs = X_VPs[..., None, :3, 3] + kernel @ X_VPs[..., :3, :3].transpose(-1, -2)
+        return self.lookup(p_VQs.flatten(1, 2)).view(*X_VPs.shape[:2], -1)

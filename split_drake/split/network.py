@@ -1,0 +1,208 @@
+"""SPLIT's network: scene encoder, local context, score and evaluator heads (paper IV-C).
+
+Everything here is relative to the corner V of the workspace, so that the workspace may stand
+anywhere: poses are X_VP, the table is at `SplitConfig.table_m` along z.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from split_drake.pose_set import PoseTask
+from split_drake.split.context import FeatureTables, point_kernel
+from split_drake.split.diffusion import NoiseSchedule
+
+TASKS = (PoseTask.GRASP, PoseTask.HANDLE, PoseTask.UPRIGHT)
+INPUT_CHANNELS = 2  # occupied; below the table
+
+
+@dataclass(frozen=True)
+class SplitConfig:
+    """What it takes to rebuild a network.
+
+    Attributes:
+        channels: of the encoder's blocks; each halves the resolution.
+        context_grids: which grids the context is made of: 0 is the input, i the output of block i.
+        kernel_offset_m: distance of the six outer kernel points (paper: 8 cm).
+        width, layers: of the score and evaluator MLPs.
+        frequencies: Gaussian Fourier features of log sigma, a sine and a cosine each.
+        condition_width: of the vector that FiLM layers are conditioned on.
+        resolution, edge_m: of the input grid.
+        table_m: height of the table above V.
+        noise: schedule that the score head was trained for.
+    """
+
+    channels: tuple[int, ...] = (16, 32, 64, 96, 128)
+    context_grids: tuple[int, ...] = (0, 1, 2, 3, 5)
+    kernel_offset_m: float = 0.08
+    width: int = 256
+    layers: int = 8
+    frequencies: int = 32
+    condition_width: int = 64
+    resolution: int = 64
+    edge_m: float = 0.3
+    table_m: float = 0.05
+    noise: NoiseSchedule = field(default_factory=NoiseSchedule)
+
+    def __post_init__(self) -> None:
+        needed = 2 ** (len(self.channels) + 1)
+        if self.resolution < needed:
+            raise ValueError(f"resolution is {self.resolution}; the blocks need {needed} or more")
+        if not set(self.context_grids) <= set(range(len(self.channels) + 1)):
+            raise ValueError(
+                f"context_grids={self.context_grids}; expected numbers from 0 to "
+                f"{len(self.channels)}"
+            )
+        if self.layers < 3:
+            raise ValueError(f"layers is {self.layers}; expected at least 3")
+
+    @property
+    def context_width(self) -> int:
+        """Features of a pose's context: those of all grids at each of the seven points."""
+        channels = (INPUT_CHANNELS, *self.channels)
+        return 7 * sum(channels[grid] for grid in self.context_grids)
+
+
+class ConvLayer(nn.Sequential):
+    """A 3x3x3 convolution, batch normalisation and ReLU."""
+
+    def __init__(self, inputs: int, outputs: int, stride: int) -> None:
+        super().__init__(
+            nn.Conv3d(inputs, outputs, 3, stride=stride, padding=1, bias=False),
+            nn.BatchNorm3d(outputs),
+            nn.ReLU(),
+        )
+
+
+class ConvBlock(nn.Module):
+    """A convolution of stride 2, and (`refine`) a residual one at the lower resolution."""
+
+    # On CPUs the bfloat16 gradients of 3D convolutions are wrong on the smallest volumes (oneDNN 3)
+    # and several times slower than float32 for strided ones: neither runs under autocast.
+    SMALLEST_AUTOCAST = 8
+
+    def __init__(self, inputs: int, outputs: int, refine: bool) -> None:
+        super().__init__()
+        self.reduce = ConvLayer(inputs, outputs, stride=2)
+        self.refine = ConvLayer(outputs, outputs, stride=1) if refine else None
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return (B, outputs, n/2, n/2, n/2) float32 for `x` (B, inputs, n, n, n) float32."""
+        with torch.autocast(x.device.type, enabled=False):
+            x = self.reduce(x)
+        if self.refine is None:
+            return x
+        fine = torch.is_autocast_enabled(x.device.type) and x.shape[-1] >= self.SMALLEST_AUTOCAST
+        with torch.autocast(x.device.type, torch.bfloat16, enabled=fine):
+            return x + self.refine(x)
+
+
+class Encoder(nn.Module):
+    """Feature grids at falling resolutions, as in IF-Net."""
+
+    def __init__(self, channels: Sequence[int]) -> None:
+        super().__init__()
+        inputs = (INPUT_CHANNELS, *channels)
+        # At half the input's resolution a second convolution would cost more than all others.
+        self.blocks = nn.ModuleList(
+            ConvBlock(inputs[i], inputs[i + 1], refine=i > 0) for i in range(len(channels))
+        )
+
+    def forward(self, x: Tensor) -> list[Tensor]:
+        """Return the input (B, 2, r, r, r) and the output of each block, finest first."""
+        grids = [x]
+        for block in self.blocks:
+            grids.append(block(grids[-1]))
+        return grids
+
+
+class FilmMlp(nn.Module):
+    """A residual MLP whose hidden layers are scaled and shifted by a condition (FiLM)."""
+
+    def __init__(self, inputs: int, conditions: int, outputs: int, width: int, layers: int) -> None:
+        super().__init__()
+        self.width = width
+        self.input = nn.Linear(inputs, width)
+        self.hidden = nn.ModuleList(nn.Linear(width, width) for _ in range(layers - 2))
+        self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(layers - 2))
+        self.output = nn.Linear(width, outputs)
+        self.film = nn.Linear(conditions, (layers - 1) * 2 * width)
+        nn.init.normal_(self.film.weight, std=0.02)
+        nn.init.zeros_(self.film.bias)
+        nn.init.normal_(self.output.weight, std=1e-3)
+        nn.init.zeros_(self.output.bias)
+
+    def forward(self, x: Tensor, condition: Tensor) -> Tensor:
+        """Return (G, N, outputs) for `x` (G, N, inputs) and conditions (G, conditions)."""
+        film = self.film(condition).view(len(condition), -1, 2, 1, self.width)
+        scale, shift = film[:, :, 0] + 1.0, film[:, :, 1]  # (G, layers - 1, 1, width)
+        h = functional.silu(torch.addcmul(shift[:, 0], self.input(x), scale[:, 0]))
+        for i, (linear, norm) in enumerate(zip(self.hidden, self.norms, strict=True), start=1):
+            h = h + functional.silu(torch.addcmul(shift[:, i], linear(norm(h)), scale[:, i]))
+        return self.output(h)
+
+
+class SplitNetwork(nn.Module):
+    """Encoder, score head and evaluator head for all tasks."""
+
+    kernel: Tensor
+    frequencies: Tensor
+
+    def __init__(self, config: SplitConfig) -> None:
+        super().__init__()
+        self.config = config
+        condition = config.condition_width
+        self.encoder = Encoder(config.channels)
+        self.score_condition = nn.Sequential(
+            nn.Linear(len(TASKS) + 2 * config.frequencies, condition),
+            nn.SiLU(),
+            nn.Linear(condition, condition),
+            nn.SiLU(),
+        )
+        self.evaluator_condition = nn.Sequential(nn.Linear(len(TASKS), condition), nn.SiLU())
+        shape = (config.width, config.layers)
+        self.score_head = FilmMlp(config.context_width, condition, 6, *shape)
+        self.evaluator_head = FilmMlp(config.context_width, condition, 1, *shape)
+        self.register_buffer("kernel", point_kernel(config.kernel_offset_m))
+        self.register_buffer("frequencies", torch.randn(config.frequencies))
+
+    @property
+    def device(self) -> torch.device:
+        """Where the parameters are."""
+        return self.kernel.device
+
+    def encode(self, occupied: Tensor) -> FeatureTables:
+        """Return features of scenes given by their occupancy (B, r, r, r), indexed [x, y, z]."""
+        config = self.config
+        voxel_m = config.edge_m / config.resolution
+        heights_m = (torch.arange(config.resolution, device=occupied.device) + 0.5) * voxel_m
+        below = (heights_m < config.table_m).expand(occupied.shape)
+        x = torch.stack([occupied, below], 1).float()
+        grids = self.encoder(x.contiguous(memory_format=torch.channels_last_3d))
+        chosen = [grids[i] for i in config.context_grids]
+        return FeatureTables.from_grids(chosen, config.resolution, config.edge_m)
+
+    def local_context(self, tables: FeatureTables, X_VPs: Tensor) -> Tensor:
+        """Return the local context (B, N, context_width) of poses (B, N, 4, 4)."""
+        return tables.around(X_VPs, self.kernel)
+
+    def score(self, context: Tensor, tasks: Tensor, sigma: Tensor) -> Tensor:
+        """Return sigma * score (G, N, 6) in the poses' frames, units [length_m, rad].
+
+        Args:
+            context: (G, N, context_width): G groups, each of one task and one sigma.
+            tasks: (G,) indices into `TASKS`.
+            sigma: (G,) noise levels.
+        """
+        angle = torch.log(sigma)[:, None] * self.frequencies
+        one_hot = functional.one_hot(tasks, len(TASKS)).to(angle)
+        condition = torch.cat([one_hot, angle.sin(), angle.cos()], -1)
+        return self.score_head(context, self.score_condition(condition))
+
+    def evaluate(self, context: Tensor, tasks: Tensor) -> Tensor:
+        """Return logits (G, N) that poses are right, for contexts (G, N, ...), tasks (G,)."""
+        one_hot = functional.one_hot(tasks, len(TASKS)).to(context)
+        return self.evaluator_head(context, self.evaluator_condition(one_hot))[..., 0]

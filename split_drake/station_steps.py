@@ -1,0 +1,103 @@
+"""The steps by which a station's diagram is built, each a function of the builder or the plant."""
+
+from collections.abc import Sequence
+
+from pydrake.geometry import (
+    AddContactMaterial,
+    Meshcat,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    ProximityProperties,
+    RoleAssign,
+    SceneGraph,
+)
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.sensors import RgbdSensor
+
+from split_drake.arm_command import ArmCommandSystem
+from split_drake.detector_system import PoseDetectorSystem
+from split_drake.panda import ARM_JOINTS, FINGER_JOINTS
+from split_drake.station_config import StationConfig
+
+
+def add_plant(builder: DiagramBuilder, config: StationConfig) -> tuple[MultibodyPlant, SceneGraph]:
+    plant_config = MultibodyPlantConfig(
+        time_step=config.time_step_s,
+        contact_model="point",
+        discrete_contact_approximation="sap",
+    )
+    return AddMultibodyPlant(plant_config, builder)
+
+
+def set_actuator_gains(
+    plant: MultibodyPlant, panda: ModelInstanceIndex, config: StationConfig
+) -> None:
+    """Let the actuators track desired states; the arm's own weight is compensated for."""
+    finger = (config.finger_kp_n_per_m, config.finger_kd_ns_per_m)
+    arm = zip(config.arm_kp_nm_per_rad, config.arm_kd_nms_per_rad, strict=True)
+    for name, (p, d) in zip(ARM_JOINTS + FINGER_JOINTS, (*arm, finger, finger), strict=True):
+        plant.GetJointActuatorByName(name, panda).set_controller_gains(PdControllerGains(p=p, d=d))
+    plant.set_gravity_enabled(panda, False)
+
+
+def set_contact_material(
+    plant: MultibodyPlant, scene_graph: SceneGraph, config: StationConfig
+) -> None:
+    """Give every collision geometry the material of the configuration."""
+    material = ProximityProperties()
+    AddContactMaterial(
+        dissipation=config.dissipation_s_per_m,
+        point_stiffness=config.point_stiffness_n_per_m,
+        friction=CoulombFriction(config.friction, config.friction),
+        properties=material,
+    )
+    material.AddProperty("material", "relaxation_time", config.relaxation_time_s)
+    for index in range(plant.num_bodies()):
+        for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(BodyIndex(index))):
+            scene_graph.AssignRole(plant.get_source_id(), geometry, material, RoleAssign.kReplace)
+
+
+def add_command(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    panda: ModelInstanceIndex,
+    config: StationConfig,
+) -> None:
+    command = builder.AddNamedSystem("command", ArmCommandSystem(config.finger_kp_n_per_m))
+    builder.Connect(plant.get_state_output_port(panda), command.GetInputPort("measured"))
+    builder.Connect(
+        command.GetOutputPort("desired_state"), plant.get_desired_state_input_port(panda)
+    )
+    builder.ExportInput(command.GetInputPort("arm"), "arm")
+    builder.ExportInput(command.GetInputPort("gripper"), "gripper")
+
+
+def export_state(builder: DiagramBuilder, plant: MultibodyPlant, panda: ModelInstanceIndex) -> None:
+    builder.ExportOutput(plant.get_state_output_port(panda), "panda_state")
+    builder.ExportOutput(plant.get_net_actuation_output_port(panda), "panda_torques")
+
+
+def add_detector(
+    builder: DiagramBuilder, system: PoseDetectorSystem, cameras: Sequence[RgbdSensor]
+) -> None:
+    builder.AddNamedSystem("detector", system)
+    for camera in cameras:
+        builder.Connect(
+            camera.depth_image_32F_output_port(), system.GetInputPort(camera.get_name())
+        )
+    builder.ExportOutput(system.GetOutputPort("scene"), "scene")
+    builder.ExportOutput(system.GetOutputPort("pose_sets"), "pose_sets")
+
+
+def add_meshcat(
+    builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat, config: StationConfig
+) -> None:
+    params = MeshcatVisualizerParams(publish_period=1.0 / config.meshcat_rate_hz)
+    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)

@@ -1,0 +1,219 @@
+"""Train SPLIT: ``python -m split_drake.training.train --data DIR --out DIR --minutes 60``.
+
+Writes into the output folder: ``split.safetensors`` (the averaged weights, usable at any time),
+``curves.jsonl`` (a line every `log_steps` steps), ``config.json``, and ``state.pt``, from which
+``--resume`` goes on after an interruption.
+"""
+
+import json
+import subprocess
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import torch
+import tyro
+from rich.console import Console
+from rich.progress import Progress
+
+from split_drake.data.dataset import MugDataset
+from split_drake.scene import Workspace
+from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
+from split_drake.split.network import TASKS, SplitConfig
+from split_drake.training.batches import BatchConfig, TrainingScenes
+from split_drake.training.losses import Losses
+from split_drake.training.trainer import OptimizerConfig, Trainer
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """A training run.
+
+    Attributes:
+        data: folder written by split_drake.data.generate.
+        out: output folder.
+        minutes: length of the run; give this or `steps`.
+        steps: length of the run in optimiser steps.
+        device: "auto" takes CUDA where there is one.
+        bfloat16: compute matrix products and fine convolutions in that type.
+        seed: of weights and batches.
+        resume: go on with the run in `out`.
+        init: checkpoint to take the first weights from.
+        log_steps: steps averaged in one line of the curves.
+        save_minutes: time between two saved states.
+        network: architecture.
+        batch: what a batch is made of.
+        optimizer: how the weights are moved.
+    """
+
+    data: Path
+    out: Path
+    minutes: float | None = None
+    steps: int | None = None
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    bfloat16: bool = True
+    seed: int = 0
+    resume: bool = False
+    init: Path | None = None
+    log_steps: int = 50
+    save_minutes: float = 2.0
+    network: SplitConfig = field(default_factory=SplitConfig)
+    batch: BatchConfig = field(default_factory=BatchConfig)
+    optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
+
+    def __post_init__(self) -> None:
+        if (self.minutes is None) == (self.steps is None):
+            raise ValueError(f"minutes={self.minutes}, steps={self.steps}; expected one of them")
+
+    def torch_device(self) -> torch.device:
+        """Return the device to train on."""
+        if self.device == "auto":
+            return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        return torch.device(self.device)
+
+    def progress(self, trainer: Trainer) -> float:
+        """Return which share of the run is done, 1 or more at its end."""
+        if self.steps is not None:
+            return trainer.step / self.steps
+        assert self.minutes is not None  # checked on construction
+        return trainer.elapsed_s / (60.0 * self.minutes)
+
+    def record(self) -> dict[str, object]:
+        """Return the options as JSON values, without those that do not change the outcome."""
+        options = asdict(self)
+        for key in ("resume", "out", "data", "log_steps", "save_minutes"):
+            del options[key]
+        return json.loads(json.dumps(options, default=str))
+
+
+def source_commit() -> str:
+    """Return the source's git commit, "-dirty" where files differ, or "unknown" outside git."""
+    command = ["git", "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
+    try:
+        result = subprocess.run(
+            command, cwd=Path(__file__).parent, capture_output=True, text=True, check=True
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return result.stdout.strip()
+
+
+class Run:
+    """A training run in its output folder."""
+
+    def __init__(self, config: TrainConfig, dataset: MugDataset, console: Console) -> None:
+        self._config, self._console = config, console
+        self._dataset_hash = dataset.dataset_hash
+        self._commit = source_commit()
+        scenes = TrainingScenes.from_arrays(dataset, Workspace().p_WV, config.torch_device())
+        self._trainer = Trainer(
+            scenes, config.network, config.batch, config.optimizer, config.seed, config.bfloat16
+        )
+        self._prepare_folder()
+        self._console.print(
+            f"{len(scenes)} scenes on {scenes.p_VSs.device}, "
+            f"{sum(p.numel() for p in self._trainer.network.parameters()) / 1e6:.2f} M parameters"
+        )
+
+    def _prepare_folder(self) -> None:
+        """Take up the run in the folder, or start one; never overwrite another."""
+        config, folder = self._config, self._config.out
+        options = config.record() | {"dataset_hash": self._dataset_hash}
+        options_file, state_file = folder / "config.json", folder / "state.pt"
+        if config.resume:
+            if not state_file.exists():
+                raise SystemExit(f"{state_file} does not exist: there is no run to resume")
+            if json.loads(options_file.read_text()) != options:
+                raise SystemExit(f"{options_file} has other options or data than this command")
+            self._trainer.restore(state_file)
+            self._console.print(f"resumed at step {self._trainer.step}")
+            return
+        if options_file.exists():
+            raise SystemExit(f"{folder} holds a run; --resume it, or choose another folder")
+        folder.mkdir(parents=True, exist_ok=True)
+        options_file.write_text(json.dumps(options, indent=1))
+        if config.init is not None:
+            network, _ = load_checkpoint(config.init)
+            if network.config != config.network:
+                raise SystemExit(f"{config.init} holds another architecture: {network.config}")
+            self._trainer.start_from(network)
+
+    def _windows(self) -> Iterator[list[Losses]]:
+        """Train to the end of the run; yield the losses of each `log_steps` steps."""
+        window: list[Losses] = []
+        while (progress := self._config.progress(self._trainer)) < 1.0:
+            start = time.monotonic()
+            losses = self._trainer.take_step(progress)
+            window.append(Losses(losses.denoising.detach(), losses.focal.detach()))
+            if len(window) == self._config.log_steps:
+                yield window
+                window = []
+            self._trainer.elapsed_s += time.monotonic() - start
+
+    def execute(self) -> None:
+        """Train to the end; what was reached is saved also where that is interrupted."""
+        trainer, config = self._trainer, self._config
+        saved_s = trainer.elapsed_s
+        with Progress(console=self._console, disable=not self._console.is_terminal) as bar:
+            task = bar.add_task("training", total=1.0)
+            try:
+                for window in self._windows():
+                    self._report(window)
+                    bar.update(task, completed=config.progress(trainer))
+                    if trainer.elapsed_s - saved_s > 60.0 * config.save_minutes:
+                        self._save()
+                        saved_s = trainer.elapsed_s
+            finally:
+                self._save()
+
+    def _report(self, window: list[Losses]) -> None:
+        """Append the means of `window` to the curves and print them."""
+        trainer, config = self._trainer, self._config
+        denoising = torch.stack([losses.denoising for losses in window]).mean(0).tolist()
+        progress = config.progress(trainer)
+        line = {
+            "step": trainer.step,
+            "scenes": trainer.step * config.batch.scenes,
+            "minutes": round(trainer.elapsed_s / 60.0, 3),
+            "learning_rate": config.optimizer.rate(trainer.step, progress),
+            **{str(task): value for task, value in zip(TASKS, denoising, strict=True)},
+            "focal": torch.stack([losses.focal for losses in window]).mean().item(),
+        }
+        with (config.out / "curves.jsonl").open("a") as file:
+            file.write(json.dumps(line) + "\n")
+        left_min = trainer.elapsed_s / 60.0 * (1.0 / max(progress, 1e-6) - 1.0)
+        self._console.print(
+            f"step {trainer.step}  {line['minutes']:.1f} min, {left_min:.0f} left  "
+            f"{line['scenes'] / max(trainer.elapsed_s, 1e-6):.1f} scenes/s  "
+            + "  ".join(f"{task} {line[str(task)]:.4f}" for task in TASKS)
+            + f"  focal {line['focal']:.5f}",
+            highlight=False,
+        )
+
+    def _save(self) -> None:
+        """Write the state and the averaged weights."""
+        trainer, config = self._trainer, self._config
+        trainer.save(config.out / "state.pt")
+        info = CheckpointInfo(
+            config=config.network,
+            training=config.record(),
+            seed=config.seed,
+            dataset_hash=self._dataset_hash,
+            commit=self._commit,
+            steps=trainer.step,
+            scenes=trainer.step * config.batch.scenes,
+        )
+        save_checkpoint(config.out / "split.safetensors", trainer.average, info)
+
+
+def train(config: TrainConfig, console: Console | None = None) -> None:
+    """Train as `config` says; the outcome is in its output folder."""
+    console = console or Console(soft_wrap=True)
+    Run(config, MugDataset.open(config.data), console).execute()
+
+
+if __name__ == "__main__":
+    torch.set_float32_matmul_precision("high")
+    train(tyro.cli(TrainConfig))

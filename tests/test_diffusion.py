@@ -1,0 +1,142 @@
+"""Noise schedule, target score against automatic differentiation, and the sampler."""
+
+import pytest
+import torch
+from torch import Tensor
+
+from split_drake.split.diffusion import (
+    LangevinConfig,
+    NoiseSchedule,
+    annealed_langevin,
+    displacement,
+    move,
+    perturb,
+    target_score,
+)
+from split_drake.split.se3 import compose, so3_exp, so3_log, uniform_rotations
+
+LENGTH_M = 0.06
+
+
+def random_poses(count: int, generator: torch.Generator) -> Tensor:
+    """Return (count, 4, 4) float64 poses within a cube of 0.3 m."""
+    p = 0.3 * torch.rand(count, 3, generator=generator)
+    return compose(uniform_rotations((count,), generator), p).double()
+
+
+@pytest.mark.parametrize("sigma", [0.03, 0.1, 0.5, 1.0, 1.5])
+def test_target_score_is_the_gradient_of_the_kernels_log_density(sigma: float) -> None:
+    generator = torch.Generator().manual_seed(0)
+    X = random_poses(200, generator)
+    sigmas = torch.full((200,), sigma, dtype=torch.float64)
+    X_noisy = perturb(X, sigmas, LENGTH_M, generator)
+    delta = torch.zeros(200, 6, dtype=torch.float64, requires_grad=True)
+    moved = move(X_noisy, delta, LENGTH_M)
+    p_error = (moved[:, :3, 3] - X[:, :3, 3]) / LENGTH_M
+    angle = so3_log(X[:, :3, :3].transpose(-1, -2) @ moved[:, :3, :3])
+    log_density = -(p_error.square().sum() + angle.square().sum()) / (2.0 * sigma**2)
+    (gradient,) = torch.autograd.grad(log_density, delta)
+    target = target_score(X, X_noisy, sigmas, LENGTH_M)
+    relative = (target - sigma * gradient).norm(dim=-1) / target.norm(dim=-1)
+    assert relative.max() < 1e-6
+
+
+def test_a_step_along_the_target_leads_back_to_the_pose() -> None:
+    generator = torch.Generator().manual_seed(1)
+    X = random_poses(50, generator)
+    sigma = torch.full((50,), 1.5, dtype=torch.float64)
+    X_noisy = perturb(X, sigma, LENGTH_M, generator)
+    step = sigma[:, None] * target_score(X, X_noisy, sigma, LENGTH_M)
+    assert torch.allclose(move(X_noisy, step, LENGTH_M), X, atol=1e-6)
+
+
+def test_perturbation_has_the_standard_deviation_asked_for() -> None:
+    generator = torch.Generator().manual_seed(2)
+    X = random_poses(1, generator).expand(20000, 4, 4)
+    noisy = perturb(X, torch.full((20000,), 0.2), LENGTH_M, generator)
+    deviation = displacement(X, noisy, LENGTH_M).std(0)
+    assert torch.allclose(deviation, torch.full_like(deviation, 0.2), rtol=0.03)
+
+
+def test_schedule_is_geometric_and_descends() -> None:
+    schedule = NoiseSchedule(sigma_min=0.01, sigma_max=1.0)
+    assert schedule.descending(3) == pytest.approx([1.0, 0.1, 0.01])
+
+
+@pytest.mark.parametrize("bounds", [(0.0, 1.0), (0.5, 0.5), (-1.0, 1.0)])
+def test_impossible_schedules_are_errors(bounds: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match=f"sigma_min={bounds[0]}"):
+        NoiseSchedule(sigma_min=bounds[0], sigma_max=bounds[1])
+
+
+@pytest.mark.parametrize("options", [{"steps": 0}, {"temperature": -1.0}, {"final_steps": -1}])
+def test_impossible_dynamics_are_errors(options: dict[str, float]) -> None:
+    (name,) = options
+    with pytest.raises(ValueError, match=name):
+        LangevinConfig(**options)  # type: ignore[arg-type]
+
+
+def two_poses() -> Tensor:
+    """Return two targets (2, 4, 4), 6 cm and a right angle apart."""
+    p = torch.tensor([[0.10, 0.15, 0.10], [0.16, 0.15, 0.10]])
+    return compose(so3_exp(torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, torch.pi / 2]])), p)
+
+
+def mixture_score(X: Tensor, sigma: float) -> Tensor:
+    """Return sigma * score (N, 6) of the two targets, perturbed, at the poses (N, 4, 4)."""
+    targets = two_poses()[:, None].expand(-1, len(X), -1, -1)
+    sigmas = torch.full((2, len(X)), sigma)
+    scores = target_score(targets, X.expand(2, -1, -1, -1), sigmas, LENGTH_M)
+    weights = torch.softmax(-0.5 * scores.square().sum(-1), 0)
+    return (weights[..., None] * scores).sum(0)
+
+
+def sample_mixture(seed: int, callback: list[int] | None = None) -> Tensor:
+    """Return 200 samples of the mixture."""
+    generator = torch.Generator().manual_seed(seed)
+    start = random_poses(200, generator).float()
+    return annealed_langevin(
+        mixture_score,
+        start,
+        NoiseSchedule(length_m=LENGTH_M),
+        LangevinConfig(),
+        generator,
+        confine=lambda p: p.clamp(0.0, 0.3),
+        callback=None if callback is None else lambda step, _: callback.append(step),
+    )
+
+
+def test_sampler_reaches_both_modes_of_a_known_density() -> None:
+    distance = displacement(
+        two_poses()[:, None].expand(-1, 200, -1, -1), sample_mixture(0).expand(2, -1, -1, -1), 0.06
+    ).norm(dim=-1)
+    assert distance.min(0).values.max() < 0.05
+    share_first = (distance[0] < distance[1]).float().mean().item()
+    assert 0.2 < share_first < 0.8
+
+
+def test_sampler_depends_on_nothing_but_the_generator() -> None:
+    assert torch.equal(sample_mixture(4), sample_mixture(4))
+    assert not torch.equal(sample_mixture(4), sample_mixture(5))
+
+
+def test_callback_sees_every_step_and_the_result() -> None:
+    steps: list[int] = []
+    sample_mixture(0, callback=steps)
+    config = LangevinConfig()
+    assert steps == list(range(config.steps + config.final_steps + 1))
+
+
+def test_positions_are_confined() -> None:
+    generator = torch.Generator().manual_seed(0)
+    lowest: list[float] = []
+    annealed_langevin(
+        lambda X, sigma: torch.full((*X.shape[:-2], 6), -5.0),
+        random_poses(20, generator).float(),
+        NoiseSchedule(),
+        LangevinConfig(),
+        generator,
+        confine=lambda p: p.clamp(0.0, 0.3),
+        callback=lambda step, X: lowest.append(X[..., :3, 3].min().item()),
+    )
+    assert min(lowest) == 0.0

@@ -1,0 +1,126 @@
+"""SPLIT's network: feature lookup, local context and its symmetry, conditioning, configuration."""
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from split_drake.split.context import FeatureTables, point_kernel
+from split_drake.split.network import SplitConfig, SplitNetwork
+from split_drake.split.se3 import compose, so3_exp, uniform_rotations
+
+EDGE_M, RESOLUTION = 0.3, 64
+
+
+def small_network(context_grids: tuple[int, ...] = (0, 1, 3)) -> SplitNetwork:
+    """Return a small untrained network in inference mode."""
+    torch.manual_seed(0)
+    config = SplitConfig(channels=(4, 8, 8), context_grids=context_grids, width=32, layers=4)
+    return SplitNetwork(config).eval()
+
+
+def random_grid(size: int, scenes: int = 2) -> Tensor:
+    """Return features (scenes, 3, size, size, size)."""
+    return torch.rand(scenes, 3, size, size, size, generator=torch.Generator().manual_seed(size))
+
+
+def random_points(count: int, scenes: int = 2) -> Tensor:
+    """Return points (scenes, count, 3) in V, some of them outside the grid."""
+    generator = torch.Generator().manual_seed(9)
+    return EDGE_M * (1.2 * torch.rand(scenes, count, 3, generator=generator) - 0.1)
+
+
+def grid_sample(grid: Tensor, p_VQs: Tensor) -> Tensor:
+    """Return what PyTorch interpolates: cell i of n at the centre of voxel i * (r / n)."""
+    cells = (p_VQs * RESOLUTION / EDGE_M - 0.5) * grid.shape[-1] / RESOLUTION
+    unit = (2.0 * cells / (grid.shape[-1] - 1) - 1.0).flip(-1)[:, :, None, None]
+    sampled = functional.grid_sample(grid, unit, align_corners=True, padding_mode="border")
+    return sampled[..., 0, 0].transpose(1, 2)
+
+
+@pytest.mark.parametrize("size", [64, 16, 2])
+def test_lookup_is_trilinear_interpolation(size: int) -> None:
+    grid, p_VQs = random_grid(size), random_points(500)
+    tables = FeatureTables.from_grids([grid], RESOLUTION, EDGE_M)
+    assert torch.allclose(tables.lookup(p_VQs), grid_sample(grid, p_VQs), atol=2e-5)
+
+
+def test_lookup_at_a_voxels_centre_is_that_voxel() -> None:
+    grid = random_grid(64, scenes=1)
+    p_VQ = (torch.tensor([[[5.0, 20.0, 63.0]]]) + 0.5) * EDGE_M / 64
+    tables = FeatureTables.from_grids([grid], RESOLUTION, EDGE_M)
+    assert torch.allclose(tables.lookup(p_VQ)[0, 0], grid[0, :, 5, 20, 63], atol=1e-5)
+
+
+def test_lookup_passes_gradients_to_the_grid() -> None:
+    grid = random_grid(4).requires_grad_()
+    FeatureTables.from_grids([grid], RESOLUTION, EDGE_M).lookup(random_points(10)).sum().backward()
+    assert grid.grad is not None
+    assert grid.grad.sum().item() == pytest.approx(2 * 10 * 3, rel=1e-5)
+
+
+def test_kernel_points_follow_the_pose() -> None:
+    voxel = torch.arange(64.0)
+    coordinates = torch.stack(torch.meshgrid(voxel, voxel, voxel, indexing="ij"))[None]
+    tables = FeatureTables.from_grids([coordinates], RESOLUTION, EDGE_M)
+    R = so3_exp(torch.tensor([0.3, -0.5, 1.0]))
+    X_VP = compose(R, torch.tensor([0.16, 0.14, 0.15]))
+    context = tables.around(X_VP[None, None], point_kernel(0.08)).view(7, 3)
+    p_VKs = (context + 0.5) * EDGE_M / RESOLUTION
+    p_PKs = (p_VKs - X_VP[:3, 3]) @ R
+    expected = 0.08 * torch.tensor(
+        [[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
+    )
+    assert torch.allclose(p_PKs, expected, atol=1e-5)
+
+
+def test_context_moves_along_with_the_scene() -> None:
+    """A shift by whole cells changes no context (grids whose cells don't see the border)."""
+    network = small_network(context_grids=(0, 1, 2))
+    scene = torch.zeros(2, 64, 64, 64, dtype=torch.bool)
+    rng = np.random.default_rng(0)
+    blob = torch.tensor(rng.random((12, 12, 12)) < 0.2)
+    scene[0, 20:32, 24:36, 24:36] = blob
+    scene[1, 28:40, 24:36, 24:36] = blob
+    shift = torch.tensor([[0.0, 0.0, 0.0], [8 * EDGE_M / 64, 0.0, 0.0]])
+    R = uniform_rotations((5,), torch.Generator().manual_seed(0))
+    p = torch.tensor([0.13, 0.14, 0.14]) + shift[:, None]
+    X_VPs = compose(R.expand(2, 5, 3, 3), p.expand(2, 5, 3))
+    with torch.inference_mode():
+        context = network.local_context(network.encode(scene), X_VPs)
+    assert torch.allclose(context[0], context[1], atol=1e-4)
+    assert context[0].std(0).max() > 0.01
+
+
+def test_encoder_is_told_where_the_table_is() -> None:
+    network = small_network()
+    grid = network.encode(torch.zeros(1, 64, 64, 64, dtype=torch.bool)).tables[0]
+    below = grid.view(64, 64, 64, 2)[0, 0, :, 1]
+    heights_m = (torch.arange(64) + 0.5) * EDGE_M / 64
+    assert torch.equal(below > 0.5, heights_m < 0.05)
+
+
+def test_heads_answer_by_task_and_noise_level() -> None:
+    network = small_network()
+    torch.nn.init.normal_(network.score_head.output.weight)
+    torch.nn.init.normal_(network.score_head.film.weight)
+    torch.nn.init.normal_(network.evaluator_head.film.weight)
+    context = torch.rand(1, 5, network.config.context_width).expand(3, 5, -1)
+    with torch.inference_mode():
+        by_task = network.score(context, torch.arange(3), torch.full((3,), 0.3))
+        by_sigma = network.score(context, torch.zeros(3).long(), torch.tensor([0.03, 0.3, 1.5]))
+        logits = network.evaluate(context, torch.arange(3))
+    assert by_task.shape == (3, 5, 6)
+    assert logits.shape == (3, 5)
+    for values in (by_task, by_sigma, logits):
+        assert (values[0] - values[1]).abs().min() > 0.0
+        assert (values[1] - values[2]).abs().min() > 0.0
+    assert torch.allclose(by_task[0], by_sigma[1], atol=1e-6)
+
+
+@pytest.mark.parametrize("options", [{"resolution": 32}, {"context_grids": (0, 6)}, {"layers": 2}])
+def test_impossible_architectures_are_errors(options: dict[str, object]) -> None:
+    (name,) = options
+    with pytest.raises(ValueError, match=name):
+        SplitConfig(**options)  # type: ignore[arg-type]

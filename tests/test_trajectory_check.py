@@ -1,0 +1,107 @@
+"""The independent check sees what is wrong with a plan, and honours declared contacts alone."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from helpers_planning import UPRIGHT, mug_cloud, mug_problem
+
+from planning.kinematics import gripper_pose
+from planning.perceived import voxel_centroids
+from planning.planner import make_planner
+from planning.problem import AllowedContact, Plan, Segment, SegmentName, Subgoal
+from planning.trajectory_check import STEP_RAD, TrajectoryChecker, fine_steps
+from split_drake.layout import Layout
+from split_drake.poses import Array, transform_points
+
+
+@cache
+def hang_plan() -> Plan:
+    plan = make_planner("default").plan(
+        mug_problem(Subgoal.HANG, UPRIGHT), np.random.default_rng(0)
+    )
+    assert isinstance(plan, Plan)
+    return plan
+
+
+@cache
+def checker() -> TrajectoryChecker:
+    return TrajectoryChecker(Layout())
+
+
+@cache
+def cloud() -> Array:
+    return voxel_centroids(transform_points(UPRIGHT, mug_cloud()), 0.012)
+
+
+def changed(name: SegmentName, **changes: object) -> Plan:
+    """Return the plan with all segments of a name changed."""
+    segments = tuple(
+        replace(segment, **changes) if segment.name is name else segment
+        for segment in hang_plan().segments
+    )
+    return replace(hang_plan(), segments=segments)
+
+
+def names(plan: Plan, points: Array) -> set[str]:
+    return {violation.name for violation in checker().violations(plan, points)}
+
+
+def segment(name: SegmentName) -> Segment:
+    return next(s for s in hang_plan().segments if s.name is name)
+
+
+def test_the_plan_as_it_is_has_no_violations() -> None:
+    assert checker().violations(hang_plan(), cloud()) == []
+
+
+@pytest.mark.parametrize(
+    "name", [SegmentName.CLOSE, SegmentName.LIFT, SegmentName.INSERT, SegmentName.OPEN]
+)
+def test_without_its_declared_contacts_a_segment_is_wrong(name: SegmentName) -> None:
+    assert names(changed(name, allowed_contacts=frozenset()), cloud()) == {name.value}
+
+
+def test_an_obstacle_moved_into_the_way_is_found() -> None:
+    lift = segment(SegmentName.LIFT).trajectory.qs[0]
+    wrist = gripper_pose(lift) @ np.array([0.0, 0.0, -0.15, 1.0])
+    found = names(hang_plan(), np.concatenate([cloud(), wrist[None, :3]]))
+    assert SegmentName.APPROACH.value in found
+
+
+def test_held_points_outside_the_tube_may_not_touch_the_peg() -> None:
+    beside_the_opening = np.array([[0.0, 0.045, 0.0], [0.0, -0.045, 0.0]])
+    plug = transform_points(hang_plan().X_WObject, beside_the_opening)
+    assert SegmentName.INSERT.value in names(hang_plan(), np.concatenate([cloud(), plug]))
+
+
+def test_the_table_may_be_touched_by_the_object_only_where_declared() -> None:
+    transfer = changed(SegmentName.TRANSFER, trajectory=segment(SegmentName.LIFT).trajectory)
+    found = checker().violations(transfer, cloud())
+    assert any(v.name == "transfer" and "table" in v.what for v in found)
+
+
+def test_jumps_limits_and_missing_rest_are_found() -> None:
+    transit = segment(SegmentName.TRANSIT).trajectory
+    jump = replace(transit, qs=transit.qs + 0.01)
+    fast = replace(transit, vs=transit.vs * 10.0)
+    moving = replace(transit, vs=transit.vs + 0.1)
+    for trajectory, word in ((jump, "starts"), (fast, "rad/s"), (moving, "rest")):
+        found = checker().violations(changed(SegmentName.TRANSIT, trajectory=trajectory), cloud())
+        assert any(word in violation.what for violation in found), word
+
+
+def test_fingers_may_be_exempt_only_near_the_object() -> None:
+    everywhere = changed(
+        SegmentName.TRANSIT, allowed_contacts=frozenset({AllowedContact.FINGERS_TARGET})
+    )
+    found = checker().violations(everywhere, cloud())
+    assert any("fingers_target" in violation.what for violation in found)
+
+
+def test_steps_are_fine_and_reach_every_sample() -> None:
+    qs = segment(SegmentName.TRANSIT).trajectory.qs
+    fine = np.stack(list(fine_steps(qs)))
+    assert np.abs(np.diff(fine, axis=0)).max() <= STEP_RAD + 1e-12
+    np.testing.assert_allclose(fine[-1], qs[-1], atol=1e-6)
