@@ -32,18 +32,19 @@ def distance_to_segments(p_Ps: Array, p_As: Array, p_Bs: Array) -> Array:
     """Return distances (..., N) from points (..., N, 3) to segments from (..., 3) to (..., 3)."""
     along = p_Bs - p_As
     offsets = p_Ps - p_As[..., None, :]
-    shares = np.einsum("...nj,...j->...n", offsets, along) / np.maximum(
-        np.einsum("...j,...j->...", along, along)[..., None], 1e-18
-    )
-    nearest = np.clip(shares, 0.0, 1.0)[..., None] * along[..., None, :]
-    difference = offsets - nearest
-    return np.sqrt(np.einsum("...j,...j->...", difference, difference))
+    projected = (offsets @ along[..., None])[..., 0]
+    squared = np.square(along).sum(axis=-1)[..., None]
+    shares = np.clip(projected / np.maximum(squared, 1e-18), 0.0, 1.0)
+    lengths = np.einsum("...j,...j->...", offsets, offsets)
+    distances = lengths - shares * (2.0 * projected - shares * squared)
+    return np.sqrt(np.maximum(distances, 0.0))
 
 
 def distance_to_box(p_FPs: Array, box: Box) -> Array:
     """Return distances (...) from points (..., 3) to a box in the same frame; 0 inside."""
     outside = np.maximum(np.subtract(box.lower, p_FPs), np.subtract(p_FPs, box.upper))
-    return np.asarray(np.linalg.norm(np.maximum(outside, 0.0), axis=-1))
+    outside = np.maximum(outside, 0.0)
+    return np.sqrt(np.einsum("...j,...j->...", outside, outside))
 
 
 @cache

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from planning.distances import distance_to_box
-from split_drake.gripper import MAX_OPENING_M, PAD_SIZE_M, Box, finger_boxes
-from split_drake.poses import Array, invert_pose, transform_points
+from split_drake.gripper import MAX_OPENING_M, PAD_SIZE_M, finger_boxes
+from split_drake.poses import Array, invert_pose, make_pose, transform_points
 
 APPROACH_M = 0.08
 # Room between fingers and object beyond which more is no better.
@@ -14,6 +14,7 @@ ENOUGH_CLEARANCE_M = 0.010
 # Fingers open this close to the object when they let go: an object that swings needs the room.
 RELEASE_CLEARANCE_M = 0.004
 OPENING_STEPS = 18
+MAX_CENTERING_M = 0.005
 
 
 @dataclass(frozen=True)
@@ -34,13 +35,29 @@ class FingerFit:
     pinch_depth_m: float
 
 
+def centered(X_WG: Array, p_WPs: Array) -> Array:
+    """Return the grasp moved along y_G so that what is between the pads lies in their middle.
+
+    Fingers that close off centre push the object until both touch it.  Where more than
+    `MAX_CENTERING_M` is missing, one side was probably not seen, and the grasp stays as it is.
+    """
+    p_GPs = transform_points(invert_pose(X_WG), p_WPs)
+    between = p_GPs[_between_pads(p_GPs, fit_fingers(X_WG, p_WPs).opening_m), 1]
+    if not len(between):
+        return X_WG
+    offset = 0.5 * (between.min() + between.max())
+    if abs(offset) > MAX_CENTERING_M:
+        return X_WG
+    return X_WG @ make_pose(p=(0.0, offset, 0.0))
+
+
 def fit_fingers(X_WG: Array, p_WPs: Array) -> FingerFit:
     """Return how the opened hand fits around the points (N, 3) at the grasp `X_WG`."""
     p_GPs = transform_points(invert_pose(X_WG), p_WPs)
     near = (np.abs(p_GPs[:, 0]) < 0.03) & (np.abs(p_GPs[:, 1]) < 0.08) & (p_GPs[:, 2] < 0.03)
     p_GPs = p_GPs[near]
     openings = np.linspace(0.010, MAX_OPENING_M, OPENING_STEPS)
-    clearances = np.array([_clearance(p_GPs, opening) for opening in openings])
+    clearances = _clearances(p_GPs, openings)
     best = int(np.argmax(np.minimum(clearances, ENOUGH_CLEARANCE_M)))
     opening = float(openings[best])
     clearance = float(min(clearances[best], ENOUGH_CLEARANCE_M))
@@ -48,24 +65,29 @@ def fit_fingers(X_WG: Array, p_WPs: Array) -> FingerFit:
     return FingerFit(opening, clearance, float(roomy.max()), _pinch_depth(p_GPs, opening))
 
 
-def _clearance(p_GPs: Array, opening_m: float) -> float:
-    """Return the least distance of the points to the fingers on their way to the grasp."""
-    distances = [distance_to_box(p_GPs, _swept(box)) for box in finger_boxes(opening_m)]
-    return float(np.min(distances, initial=np.inf))
+def _clearances(p_GPs: Array, openings_m: Array) -> Array:
+    """Return (M,) the least distance of the points to the fingers on their way to the grasp.
 
-
-def _swept(box: Box) -> Box:
-    x, y, z = box.lower
-    return Box((x, y, z - APPROACH_M), box.upper)
+    The fingers move along z, and with the opening only along y; both are alike, so |y| counts.
+    """
+    x, y, z = np.abs(p_GPs[:, 0]), np.abs(p_GPs[:, 1]), p_GPs[:, 2]
+    squared = np.full(len(openings_m), np.inf)
+    for finger in finger_boxes(0.0)[::2]:
+        lower, upper = np.array(finger.lower), np.array(finger.upper)
+        beside = np.maximum(x - upper[0], 0.0)
+        beyond = np.maximum(np.maximum(z - upper[2], lower[2] - APPROACH_M - z), 0.0)
+        near, far = (bound + openings_m[:, None] / 2.0 for bound in (lower[1], upper[1]))
+        across = np.maximum(np.maximum(near - y, y - far), 0.0)
+        distances = np.square(beside) + np.square(beyond) + np.square(across)
+        squared = np.minimum(squared, distances.min(axis=1, initial=np.inf))
+    return np.sqrt(squared)
 
 
 def _pinch_depth(p_GPs: Array, opening_m: float) -> float:
-    half_x, half_z = PAD_SIZE_M[0] / 2.0, PAD_SIZE_M[1] / 2.0
-    between = (
-        (np.abs(p_GPs[:, 0]) < half_x)
-        & (np.abs(p_GPs[:, 1]) < opening_m / 2.0)
-        & (np.abs(p_GPs[:, 2]) < half_z)
-    )
-    if not between.any():
-        return 0.0
-    return float(half_z - p_GPs[between, 2].min())
+    between = p_GPs[_between_pads(p_GPs, opening_m), 2]
+    return float(np.max(PAD_SIZE_M[1] / 2.0 - between, initial=0.0))
+
+
+def _between_pads(p_GPs: Array, opening_m: float) -> NDArray[np.bool_]:
+    half = np.array([PAD_SIZE_M[0], opening_m, PAD_SIZE_M[1]]) / 2.0
+    return np.all(np.abs(p_GPs) < half, axis=1)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planning.fingers import APPROACH_M, FingerFit, fit_fingers
+from planning.fingers import APPROACH_M, FingerFit
 from planning.ik import DrakeIk, IkSolutions, follow
 from planning.perceived import PerceivedObject
 from planning.problem import AllowedContact
@@ -15,6 +15,7 @@ from planning.world import CollisionWorld, Situation
 from split_drake.poses import Array, invert_pose, transform_points
 
 LINE_STEP_M = 0.01
+APPROACHES_M = (APPROACH_M, 0.06)
 LIFTS_M = (0.10, 0.06)
 MIN_CLEARANCE_M = 0.002
 # A posture in the middle of the arm's range, over the workspace.
@@ -85,18 +86,28 @@ class PickSearch:
         grasping = Situation(fit.opening_m, p_WStanding=obstacles, allowed=touching)
         if not self._world.free(q[None], grasping)[0]:
             return None, "collision at the grasp"
-        back = follow(q, straight_line(X_WG, backed_off(X_WG, APPROACH_M), LINE_STEP_M))
-        if back is None:
-            return None, "IK of the approach"
-        approach = np.concatenate([back[::-1], q[None]])
-        if not self._world.path_free(approach, grasping):
-            return None, "collision on the approach"
-        if not self._world.free(approach[:1], Situation(fit.opening_m, p_WStanding=obstacles))[0]:
-            return None, "collision before the approach"
+        approach, reason = self._approach(q, X_WG, grasping)
+        if approach is None:
+            return None, reason
         lift = self._lift(q, X_WG, fit)
         if lift is None:
             return None, "lift"
         return Pick(X_WG, fit.opening_m, fit.release_m, approach, lift), ""
+
+    def _approach(self, q: Array, X_WG: Array, grasping: Situation) -> tuple[Array | None, str]:
+        """Return (A, 7) from the furthest pregrasp that works to the grasp at `q`, or why none."""
+        before = Situation(grasping.opening_m, p_WStanding=grasping.p_WStanding)
+        reason = ""
+        for distance in APPROACHES_M:
+            back = follow(q, straight_line(X_WG, backed_off(X_WG, distance), LINE_STEP_M))
+            if back is None:
+                reason = "IK of the approach"
+                continue
+            path = np.concatenate([back[::-1], q[None]])
+            if self._world.free(path[:1], before)[0] and self._world.path_free(path, grasping):
+                return path, ""
+            reason = "collision on the approach"
+        return None, reason
 
     def _lift(self, q: Array, X_WG: Array, fit: FingerFit) -> Array | None:
         p_GHeld = transform_points(invert_pose(X_WG), self._target.p_WObstacles)
@@ -113,24 +124,21 @@ class PickSearch:
         return None
 
 
-def grasp_preferences(X_WGs: Array, target: PerceivedObject, fits: list[FingerFit]) -> Array:
-    """Return (N,) factors in (0, 1]: which grasps hold well, by geometry alone.
+def balance(X_WGs: Array, target: PerceivedObject) -> Array:
+    """Return (N,) factors in (0, 1]: which grasps (N, 4, 4) come from above and hold with ease.
 
-    Preferred are approaches from above, deep pinches, room for the fingers, and little torque: the
-    object's weight turns it about the closing direction, which friction alone resists, with a
+    An object's weight turns it about the closing direction, which friction alone resists, with a
     lever of up to the distance of its centre of mass from that axis.
     """
-    steepness = -X_WGs[:, 2, 2]
-    approach = 0.6 + 0.4 * np.clip(steepness, 0.0, 1.0)
+    approach = 0.6 + 0.4 * np.clip(-X_WGs[:, 2, 2], 0.0, 1.0)
     lever = np.linalg.norm(np.cross(target.p_WCom - X_WGs[:, :3, 3], X_WGs[:, :3, 1]), axis=1)
+    return np.asarray(approach * np.exp(-np.square(lever / 0.05)))
+
+
+def firmness(fits: list[FingerFit]) -> Array:
+    """Return (N,) factors in (0, 1]: which grasps pinch deeply and leave the fingers room."""
     depth = np.array([fit.pinch_depth_m for fit in fits])
     room = np.array([fit.clearance_m for fit in fits])
-    balanced = np.exp(-np.square(lever / 0.07))
     deep = 0.3 + 0.7 * np.clip(depth / 0.016, 0.0, 1.0)
     wide = 0.5 + 0.5 * np.clip(room / 0.006, 0.0, 1.0)
-    return np.asarray(approach * balanced * deep * wide)
-
-
-def finger_fits(X_WGs: Array, target: PerceivedObject) -> list[FingerFit]:
-    """Return how the fingers fit at each of the grasps (N, 4, 4)."""
-    return [fit_fingers(X_WG, target.p_WDetails) for X_WG in X_WGs]
+    return np.asarray(deep * wide)

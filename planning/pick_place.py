@@ -4,11 +4,12 @@ from collections import Counter
 
 import numpy as np
 
-from planning.candidates import BestPairs
+from planning.candidates import BestPairs, distinct_modes
+from planning.fingers import FingerFit, centered, fit_fingers
 from planning.ik import DrakeIk, IkSolutions, solve_ik
 from planning.motion import free_motion
 from planning.perceived import PerceivedObject
-from planning.pick import Pick, PickSearch, finger_fits, grasp_preferences
+from planning.pick import Pick, PickSearch, balance, firmness
 from planning.place import Place, PlaceSearch
 from planning.placements import Placement, placements
 from planning.planner import register_planner
@@ -18,7 +19,7 @@ from planning.waypoints import place_grasp, with_half_turns
 from planning.world import CollisionWorld, Situation
 from split_drake.layout import Layout
 from split_drake.panda import Q_HOME
-from split_drake.pose_set import PoseTask
+from split_drake.pose_set import PoseSet, PoseTask
 from split_drake.poses import Array
 
 # Bounds of the search; the clock plays no part, so that the same seed gives the same plan.
@@ -39,7 +40,7 @@ class PickPlacePlanner:
 
     def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
         """Return a plan, or the counts of what candidates were rejected by."""
-        grasps = problem.pose_sets[PoseTask.GRASP].head(MAX_GRASPS)
+        grasps = problem.pose_sets[PoseTask.GRASP]
         if not len(grasps):
             return PlanFailure(Stage.PERCEPTION, "no grasp was detected")
         target = PerceivedObject.from_cloud(problem.p_WPs, _upright(problem))
@@ -47,7 +48,7 @@ class PickPlacePlanner:
         if not goals:
             return PlanFailure(Stage.PERCEPTION, f"no goal for {problem.subgoal} was detected")
         search = _Search(self._world_of(problem.layout), self._ik, problem, target, goals, rng)
-        return search.run(grasps.X_WPs, grasps.scores)
+        return search.run(grasps)
 
     def _world_of(self, layout: Layout) -> CollisionWorld:
         if self._world is None or layout is not self._layout:
@@ -82,17 +83,15 @@ class _Search:
         self._found: dict[int, tuple[Pick, IkSolutions]] = {}
         self._counts: Counter[str] = Counter()
 
-    def run(self, X_WGs: Array, scores: Array) -> Plan | PlanFailure:
-        fits = finger_fits(X_WGs, self._target)
-        row_scores = np.tile(scores * grasp_preferences(X_WGs, self._target, fits), 2)
-        rows = with_half_turns(X_WGs)
-        solutions = solve_ik(rows)
-        pairs = BestPairs(row_scores, [goal.score for goal in self._goals])
+    def run(self, grasps: PoseSet) -> Plan | PlanFailure:
+        X_WGs, fits, scores = self._candidates(grasps)
+        solutions = solve_ik(X_WGs)
+        pairs = BestPairs(scores, [goal.score for goal in self._goals])
         for row, column in pairs:
             self._counts["pairs"] += 1
             if row not in self._found:
                 self._counts["grasps"] += 1
-                pick = self._picks.find(rows[row], fits[row % len(fits)], solutions, row)
+                pick = self._picks.find(X_WGs[row], fits[row], solutions, row)
                 if pick is None:
                     pairs.drop_row(row)
                     continue
@@ -103,6 +102,18 @@ class _Search:
             if self._spent():
                 break
         return PlanFailure(Stage.PLANNING, self._reason(), self._statistics())
+
+    def _candidates(self, grasps: PoseSet) -> tuple[Array, list[FingerFit], Array]:
+        """Return grasps (2N, 4, 4) to try, both half-turns of each, their fits and scores (2N,)."""
+        preferred = PoseSet.ranked(
+            grasps.task, grasps.X_WPs, grasps.scores * balance(grasps.X_WPs, self._target)
+        )
+        chosen = distinct_modes(preferred.X_WPs, MAX_GRASPS)
+        details = self._target.p_WDetails
+        X_WGs = np.stack([centered(X_WG, details) for X_WG in preferred.X_WPs[chosen]])
+        fits = [fit_fingers(X_WG, details) for X_WG in X_WGs]
+        scores = preferred.scores[chosen] * firmness(fits)
+        return with_half_turns(X_WGs), 2 * fits, np.tile(scores, 2)
 
     def _solve_goals(self, pick: Pick) -> IkSolutions:
         return solve_ik(

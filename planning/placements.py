@@ -1,16 +1,15 @@
 """Where a held object can go: on the hook, or upright on the table."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from planning.candidates import distinct_modes
+from planning.candidates import mode_means
 from planning.exemptions import MAX_LOWERING_M, TUBE_HALF_LENGTH_M
 from planning.perceived import PerceivedObject
 from planning.problem import AllowedContact, PlanningProblem, Subgoal
 from planning.waypoints import hook_goals, upright_goals
-from split_drake.pose_set import PoseSet, PoseTask
+from split_drake.pose_set import PoseTask
 from split_drake.poses import Array, invert_pose, transform_points
 
 # Modes of the pose set that placements are made of.
@@ -67,7 +66,7 @@ def hang_placements(problem: PlanningProblem, target: PerceivedObject) -> list[P
     y_WK = layout.X_WK[:3, 1]
     entries = np.stack([(layout.hook.tip_distance_m + room) * y_WK for room in BEYOND_TIP_M])
     found = []
-    for X_WH, score in _modes(problem.pose_sets[PoseTask.HANDLE], HANDLE_MODES):
+    for X_WH, score in mode_means(problem.pose_sets[PoseTask.HANDLE], HANDLE_MODES):
         clearance = axis_clearance(X_WH, target.p_WDetails)
         if clearance < MIN_AXIS_CLEARANCE_M:
             continue
@@ -93,7 +92,7 @@ def upright_placements(problem: PlanningProblem) -> list[Placement]:
     center = np.array(problem.layout.workspace.p_WCenter)
     places = center + np.array([(x, y, 0.0) for x in PLACE_OFFSETS_M for y in PLACE_OFFSETS_M])
     found = []
-    for X_WU, score in _modes(problem.pose_sets[PoseTask.UPRIGHT], UPRIGHT_MODES):
+    for X_WU, score in mode_means(problem.pose_sets[PoseTask.UPRIGHT], UPRIGHT_MODES):
         for X_WUgoal in upright_goals(places, PLACE_YAWS_RAD):
             central = np.exp(-np.square(np.linalg.norm(X_WUgoal[:3, 3] - center) / 0.15))
             found.append(
@@ -115,11 +114,6 @@ def axis_clearance(X_WH: Array, p_WPs: Array) -> float:
     p_HPs = transform_points(invert_pose(X_WH), p_WPs)
     within = np.abs(p_HPs[:, 1]) < TUBE_HALF_LENGTH_M
     return float(np.min(np.hypot(p_HPs[within, 0], p_HPs[within, 2]), initial=np.inf))
-
-
-def _modes(pose_set: PoseSet, count: int) -> Sequence[tuple[Array, float]]:
-    chosen = distinct_modes(pose_set.X_WPs, count)
-    return [(pose_set.X_WPs[i], float(pose_set.scores[i])) for i in chosen]
 
 
 def _hangs_below(X_WH: Array, X_WHgoal: Array, p_WCom: Array) -> float:

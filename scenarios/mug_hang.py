@@ -78,12 +78,12 @@ _FREE_KEYS = ("trials", "workers", "record", "out")
 
 def run_config(options: MugHangOptions) -> dict[str, Any]:
     """Return the content of config.json."""
-    from split_drake.split.checkpoint import default_checkpoint
+    from split_drake.split.checkpoint import default_weights
 
     config = {key: str(v) if isinstance(v, Path) else v for key, v in asdict(options).items()}
     config["checkpoint_sha256"] = None
     if options.detector == "split":
-        config["checkpoint_sha256"] = file_sha256(options.checkpoint or default_checkpoint())
+        config["checkpoint_sha256"] = file_sha256(options.checkpoint or default_weights())
     return {**config, "commit": git_commit(), "versions": package_versions()}
 
 

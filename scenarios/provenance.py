@@ -6,7 +6,7 @@ import subprocess
 from importlib.metadata import version
 from pathlib import Path
 
-_PACKAGES = ("drake", "torch", "numpy", "trimesh", "ompl", "split-drake")
+_PACKAGES = ("drake", "torch", "numpy", "trimesh", "ompl")
 
 
 def package_versions() -> dict[str, str]:

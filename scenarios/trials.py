@@ -1,5 +1,6 @@
 """One trial: draw a start, then perceive, plan, execute and judge."""
 
+import logging
 import time
 import traceback
 from collections import Counter
@@ -75,6 +76,7 @@ class TrialSpec:
 
 def run_trial(spec: TrialSpec) -> TrialRecord:
     """Run a trial.  One that throws is recorded as a simulator error, with its traceback."""
+    logging.getLogger("drake").setLevel(logging.WARNING)
     try:
         return _Trial(spec).run()
     except Exception as error:

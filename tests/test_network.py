@@ -10,7 +10,7 @@ from split_drake.split.context import FeatureTables, point_kernel
 from split_drake.split.network import SplitConfig, SplitNetwork
 from split_drake.split.se3 import compose, so3_exp, uniform_rotations
 
-EDGE_M, RESOLUTION = 0.3, 64
+EDGE_M = 0.3
 
 
 def small_network(context_grids: tuple[int, ...] = (0, 1, 3)) -> SplitNetwork:
@@ -32,30 +32,29 @@ def random_points(count: int, scenes: int = 2) -> Tensor:
 
 
 def grid_sample(grid: Tensor, p_VQs: Tensor) -> Tensor:
-    """Return what PyTorch interpolates: cell i of n at the centre of voxel i * (r / n)."""
-    cells = (p_VQs * RESOLUTION / EDGE_M - 0.5) * grid.shape[-1] / RESOLUTION
-    unit = (2.0 * cells / (grid.shape[-1] - 1) - 1.0).flip(-1)[:, :, None, None]
-    sampled = functional.grid_sample(grid, unit, align_corners=True, padding_mode="border")
+    """Return what PyTorch interpolates; it takes coordinates in [-1, 1], the last axis first."""
+    unit = (2.0 * p_VQs / EDGE_M - 1.0).flip(-1)[:, :, None, None]
+    sampled = functional.grid_sample(grid, unit, align_corners=False, padding_mode="border")
     return sampled[..., 0, 0].transpose(1, 2)
 
 
 @pytest.mark.parametrize("size", [64, 16, 2])
 def test_lookup_is_trilinear_interpolation(size: int) -> None:
     grid, p_VQs = random_grid(size), random_points(500)
-    tables = FeatureTables.from_grids([grid], RESOLUTION, EDGE_M)
+    tables = FeatureTables.from_grids([grid], EDGE_M)
     assert torch.allclose(tables.lookup(p_VQs), grid_sample(grid, p_VQs), atol=2e-5)
 
 
 def test_lookup_at_a_voxels_centre_is_that_voxel() -> None:
     grid = random_grid(64, scenes=1)
     p_VQ = (torch.tensor([[[5.0, 20.0, 63.0]]]) + 0.5) * EDGE_M / 64
-    tables = FeatureTables.from_grids([grid], RESOLUTION, EDGE_M)
+    tables = FeatureTables.from_grids([grid], EDGE_M)
     assert torch.allclose(tables.lookup(p_VQ)[0, 0], grid[0, :, 5, 20, 63], atol=1e-5)
 
 
 def test_lookup_passes_gradients_to_the_grid() -> None:
     grid = random_grid(4).requires_grad_()
-    FeatureTables.from_grids([grid], RESOLUTION, EDGE_M).lookup(random_points(10)).sum().backward()
+    FeatureTables.from_grids([grid], EDGE_M).lookup(random_points(10)).sum().backward()
     assert grid.grad is not None
     assert grid.grad.sum().item() == pytest.approx(2 * 10 * 3, rel=1e-5)
 
@@ -63,11 +62,11 @@ def test_lookup_passes_gradients_to_the_grid() -> None:
 def test_kernel_points_follow_the_pose() -> None:
     voxel = torch.arange(64.0)
     coordinates = torch.stack(torch.meshgrid(voxel, voxel, voxel, indexing="ij"))[None]
-    tables = FeatureTables.from_grids([coordinates], RESOLUTION, EDGE_M)
+    tables = FeatureTables.from_grids([coordinates], EDGE_M)
     R = so3_exp(torch.tensor([0.3, -0.5, 1.0]))
     X_VP = compose(R, torch.tensor([0.16, 0.14, 0.15]))
     context = tables.around(X_VP[None, None], point_kernel(0.08)).view(7, 3)
-    p_VKs = (context + 0.5) * EDGE_M / RESOLUTION
+    p_VKs = (context + 0.5) * EDGE_M / 64
     p_PKs = (p_VKs - X_VP[:3, 3]) @ R
     expected = 0.08 * torch.tensor(
         [[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]

@@ -25,18 +25,18 @@ from split_drake.data.dataset import (
     file_sha256,
 )
 from split_drake.data.grasps import GraspLabels, feasible, sample_grasps
-from split_drake.data.mugs import load_mug, mug_names
+from split_drake.data.mug_parameters import MugParameters, outer_radius_m
+from split_drake.data.mugs import load_mug, mug_names, mug_parameters
 from split_drake.data.placements import PlacementConfig, RestingPoses
 from split_drake.data.render import DepthRenderer
 from split_drake.layout import Layout
-from split_drake.objects import MugShape
 from split_drake.poses import Array, invert_pose, transform_points
 from split_drake.scene import Scene
 
 GRASPS = 128
 NEGATIVES = 64
 MIN_GRASPS = 8
-# Points this far outside the body's largest radius lie on the handle.
+# Points this far outside the body's profile lie on the handle.
 HANDLE_MARGIN_M = 0.002
 CONFIG = "config.json"
 
@@ -75,12 +75,18 @@ class GenerateConfig:
 class SceneGenerator:
     """Draws scenes of one mug."""
 
-    def __init__(self, mug: MugShape, placement: PlacementConfig, rng: np.random.Generator) -> None:
+    def __init__(
+        self, name: str, placement: PlacementConfig, seeds: np.random.SeedSequence
+    ) -> None:
+        # Scenes have a stream of their own, so that other labels leave them as they are.
+        for_labels, for_scenes = seeds.spawn(2)
+        mug = load_mug(name)
         self._mug = mug
-        self._rng = rng
+        self._parameters = mug_parameters(name)
+        self._rng = np.random.default_rng(for_scenes)
         self._layout = Layout()
         self._renderer = DepthRenderer(mug.body.mesh)
-        self._labels: GraspLabels = sample_grasps(mug, rng)
+        self._labels: GraspLabels = sample_grasps(mug, np.random.default_rng(for_labels))
         self._resting = RestingPoses(
             mug.body.mesh, mug.body.p_OCom, self._layout.workspace, placement
         )
@@ -103,7 +109,7 @@ class SceneGenerator:
             "grasp_negatives": X_WO @ self._draw_negatives(reachable),
             "handles": self._mug.handle_poses(X_WO),
             "uprights": X_WO[None],
-            "handle_points": np.int32(handle_points(self._mug, X_WO, p_WSs)),
+            "handle_points": np.int32(handle_points(self._parameters, X_WO, p_WSs)),
         }
 
     def _draw_grasps(self, reachable: np.ndarray) -> np.ndarray:
@@ -122,10 +128,10 @@ class SceneGenerator:
         return np.concatenate(drawn)
 
 
-def handle_points(mug: MugShape, X_WO: Array, p_WPs: Array) -> int:
-    """Return how many points (N, 3) lie outside the body's largest radius, on the handle."""
+def handle_points(parameters: MugParameters, X_WO: Array, p_WPs: Array) -> int:
+    """Return how many points (N, 3) of a mug at X_WO lie outside its body, on the handle."""
     p_OPs = transform_points(invert_pose(X_WO), p_WPs)
-    radius_m = mug.outer_diameter_m / 2.0 + HANDLE_MARGIN_M
+    radius_m = outer_radius_m(parameters, p_OPs[:, 2]) + HANDLE_MARGIN_M
     return int((np.hypot(p_OPs[:, 0], p_OPs[:, 1]) > radius_m).sum())
 
 
@@ -133,8 +139,8 @@ def write_shard(config: GenerateConfig, name: str) -> str:
     """Generate the scenes of mug `name`, write them atomically, and return the mug's name."""
     path = config.out / f"{name}.npz"
     number = int(name.rpartition("_")[2])
-    rng = np.random.default_rng([config.seed, number, config.mugs == "test"])
-    generator = SceneGenerator(load_mug(name), config.placement, rng)
+    seeds = np.random.SeedSequence([config.seed, number, config.mugs == "test"])
+    generator = SceneGenerator(name, config.placement, seeds)
     scenes = [generator.draw() for _ in range(config.scenes_per_mug)]
     arrays = {
         key: np.stack([scene[key] for scene in scenes]).astype(

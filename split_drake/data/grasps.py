@@ -1,45 +1,35 @@
-"""Antipodal grasps of a mug: sampled on its mesh, judged against hand, mug and table.
+"""Antipodal grasps of a mug: sampled on its mesh, judged against hand and mug (paper section V)."""
 
-Follows the paper's section V: antipodal sampling at the object's level; in a scene the hand must
-clear the table and approach within 90 degrees of straight down.
-"""
-
-from collections.abc import Iterator
 from dataclasses import dataclass
 
+import fpsample
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from split_drake.data.render import RayCaster
-from split_drake.gripper import MAX_OPENING_M, PAD_SIZE_M, Box, gripper_boxes
-from split_drake.objects import MugShape
-from split_drake.poses import Array, invert_pose, make_pose, transform_points
-
-# Half-angle of the friction cone that contacts must lie in; physics has arctan(0.8) = 0.67 rad.
-CONE_RAD = 0.3
-# Room left between each pad and the object as the hand comes in.
-SIDE_ROOM_M = 0.012
-MIN_QUALITY = 0.2
-# Curved walls leave the corners of a pad free; this share of its face is as good as it gets.
-FULL_SHARE = 0.7
-BEARING_DEPTH_M = 0.0015
-MIN_WIDTH_M = 0.0015
-CANDIDATE_POINTS = 8000
-CANDIDATE_TURNS = 6
-# Collisions are looked for in at most this many of the candidates that pinch firmly.
-CHECKED_CANDIDATES = 5000
-TABLE_CLEARANCE_M = 0.002
-SURFACE_POINTS = 2000
-APPROACH_M = 0.06
-
-_PAD_X, _PAD_Z = (
-    grid.ravel()
-    for grid in np.meshgrid(
-        np.linspace(-0.4, 0.4, 5) * PAD_SIZE_M[0], np.linspace(-0.45, 0.45, 7) * PAD_SIZE_M[1]
-    )
+from split_drake.data.grasp_judge import (
+    CONE_RAD,
+    MIN_QUALITY,
+    GraspCheck,
+    GraspJudge,
+    feasible,
+    opening_for,
 )
+from split_drake.data.render import RayCaster
+from split_drake.gripper import MAX_OPENING_M
+from split_drake.objects import MugShape
+from split_drake.poses import Array, make_pose
+
+__all__ = ["GraspCheck", "GraspLabels", "check_grasps", "feasible", "sample_grasps"]
+
+MIN_WIDTH_M = 0.0015
+MAX_WIDTH_M = MAX_OPENING_M - 0.004
+CANDIDATE_POINTS = 7000
+CANDIDATE_TURNS = 6
+# A line into a mug leaves material at the near wall, the far wall, and perhaps the handle.
+EXITS = 3
+# When grasps are thinned out, 4 cm of distance count as much as 1 rad between their approaches.
+TURN_RAD_PER_M = 25.0
 
 
 @dataclass(frozen=True)
@@ -47,9 +37,9 @@ class GraspLabels:
     """True grasps of a mug in its frame O.
 
     Attributes:
-        X_OGs: (N, 4, 4) grasps that hold.
+        X_OGs: (N, 4, 4) grasps that hold, spread evenly over the mug.
         openings_m: (N,) how far the pads are apart as the hand comes in.
-        qualities: (N,) in (0, 1]: the share of each pad's face that meets material squarely.
+        qualities: (N,) from MIN_QUALITY to 1, see `GraspJudge.qualities`.
         X_OGnegatives: (M, 4, 4) grasps that collide, pinch too little, or miss.
     """
 
@@ -59,136 +49,42 @@ class GraspLabels:
     X_OGnegatives: Array
 
 
-@dataclass(frozen=True)
-class GraspCheck:
-    """How grasps (N) of a mug fare geometrically.
+def _antipodal_lines(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) -> Array:
+    """Return (N, 2, 3) ends of lines across material that start and end within friction cones.
 
-    Attributes:
-        qualities: (N,) see GraspLabels; 0 where the pads miss.
-        openings_m: (N,) that the hand comes in with.
-        collides: (N,) whether the opened hand hits the mug, at the grasp or on its way there.
+    Lines start at `count` points spread over the surface, about along the normal; each of the
+    first `EXITS` places where one leaves material gives a line.
     """
-
-    qualities: Array
-    openings_m: Array
-    collides: NDArray[np.bool_]
-
-    @property
-    def good(self) -> NDArray[np.bool_]:
-        """(N,): whether a grasp holds and can be reached."""
-        return (self.qualities >= MIN_QUALITY) & ~self.collides
-
-
-@dataclass(frozen=True)
-class Pinch:
-    """What the pads of grasps (N) close on.
-
-    Attributes:
-        qualities: (N,) see GraspLabels.
-        widths_m: (N,) between the pads once closed.
-    """
-
-    qualities: Array
-    widths_m: Array
-
-    @property
-    def firm(self) -> NDArray[np.bool_]:
-        """(N,): whether enough of both pads bears."""
-        return self.qualities >= MIN_QUALITY
-
-
-class GraspJudge:
-    """Judges grasps of one mesh."""
-
-    def __init__(self, mesh: trimesh.Trimesh) -> None:
-        self._mesh = mesh
-        self._caster = RayCaster(mesh)
-        self._p_OSurface, _ = trimesh.sample.sample_surface(mesh, SURFACE_POINTS, seed=0)
-
-    def check(self, X_OGs: Array) -> GraspCheck:
-        """Return how grasps (N, 4, 4) in O fare."""
-        pinch = self.pinch(X_OGs)
-        openings = np.clip(pinch.widths_m + 2.0 * SIDE_ROOM_M, 0.0, MAX_OPENING_M)
-        return GraspCheck(pinch.qualities, openings, self._collides(X_OGs, openings))
-
-    def pinch(self, X_OGs: Array) -> Pinch:
-        """Return what the pads of grasps (N, 4, 4) in O close on."""
-        near, near_square = self._first_contacts(X_OGs, 1.0)
-        far, far_square = self._first_contacts(X_OGs, -1.0)
-        # A flat pad stops at the outermost point; lines that end close behind it carry the force.
-        bears_near = near_square & (near < near.min(axis=1, keepdims=True) + BEARING_DEPTH_M)
-        bears_far = far_square & (far < far.min(axis=1, keepdims=True) + BEARING_DEPTH_M)
-        share = np.minimum(bears_near.mean(axis=1), bears_far.mean(axis=1))
-        widths = MAX_OPENING_M - near.min(axis=1) - far.min(axis=1)
-        meets = np.isfinite(widths) & (widths > MIN_WIDTH_M)
-        qualities = np.where(meets, np.minimum(1.0, share / FULL_SHARE), 0.0)
-        return Pinch(qualities, np.where(meets, widths, 0.0))
-
-    def _first_contacts(self, X_OGs: Array, side: float) -> tuple[Array, NDArray[np.bool_]]:
-        """Return, for lines over a pad's face, (N, L) how far they go, and whether they hit square.
-
-        The lines start at the face of the fully opened pad at y = side * 4 cm, and run inwards.
-        """
-        starts = np.column_stack([_PAD_X, np.full_like(_PAD_X, side * MAX_OPENING_M / 2), _PAD_Z])
-        origins = transform_points(X_OGs, starts)
-        inward = np.repeat(-side * X_OGs[:, None, :3, 1], len(starts), axis=1)
-        distances, faces = self._caster.cast(origins.reshape(-1, 3), inward.reshape(-1, 3))
-        normals = self._mesh.face_normals[faces]
-        square = np.einsum("ni,ni->n", normals, -inward.reshape(-1, 3)) > np.cos(CONE_RAD)
-        shape = (len(X_OGs), len(starts))
-        within = (distances < MAX_OPENING_M).reshape(shape)
-        return np.where(within, distances.reshape(shape), np.inf), square.reshape(shape) & within
-
-    def _collides(self, X_OGs: Array, openings_m: Array) -> NDArray[np.bool_]:
-        """Return (N,): whether the hand, or its way in along z_G, holds a point of the surface."""
-        hits = np.zeros(len(X_OGs), dtype=bool)
-        p_OPs = self._p_OSurface.astype(np.float32)
-        X_GOs = invert_pose(X_OGs).astype(np.float32)
-        for chosen, boxes in _hands(openings_m):
-            for part in np.array_split(chosen, len(chosen) // 200 + 1):
-                p_GPs = p_OPs @ X_GOs[part, :3, :3].swapaxes(1, 2) + X_GOs[part, None, :3, 3]
-                x, y, z = np.moveaxis(p_GPs, 2, 0)
-                for box in boxes:
-                    (_, y0, z0), (x1, y1, z1) = box.lower, box.upper
-                    inside = (np.abs(x) < x1) & (y > y0) & (y < y1)
-                    inside &= (z > z0 - APPROACH_M) & (z < z1)
-                    hits[part] |= inside.any(axis=1)
-        return hits
-
-
-def _hands(openings_m: Array) -> Iterator[tuple[NDArray[np.int_], tuple[Box, ...]]]:
-    """Yield the grasps of about equal openings, to 2 mm, and the boxes of a hand so opened."""
-    bins = np.minimum(np.ceil(openings_m * 500.0) / 500.0, MAX_OPENING_M)
-    for opening_m in np.unique(bins):
-        yield np.flatnonzero(bins == opening_m), gripper_boxes(float(opening_m))
-
-
-def feasible(X_WO: Array, X_OGs: Array, openings_m: Array) -> NDArray[np.bool_]:
-    """Return (N,): whether the hand clears the table and comes from above, the object at X_WO.
-
-    The approach must be within 90 degrees of straight down (paper section V).
-    """
-    X_WGs = X_WO @ X_OGs
-    lowest = np.full(len(X_WGs), np.inf)
-    for chosen, boxes in _hands(openings_m):
-        corners = np.concatenate([trimesh.bounds.corners([b.lower, b.upper]) for b in boxes])
-        lowest[chosen] = transform_points(X_WGs[chosen], corners)[..., 2].min(axis=1)
-    return (lowest > TABLE_CLEARANCE_M) & (X_WGs[:, 2, 2] < 0.0)
-
-
-def _candidates(mesh: trimesh.Trimesh, count: int, turns: int, rng: np.random.Generator) -> Array:
-    """Return grasps (N, 4, 4) whose pads' centres face each other across material."""
     p_OAs, faces = trimesh.sample.sample_surface(mesh, count, seed=int(rng.integers(2**31)))
     inward = -mesh.face_normals[faces] + rng.normal(0.0, 0.08, (count, 3))
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
-    reached, met = RayCaster(mesh).cast(p_OAs + 1e-4 * inward, inward)
-    square = np.einsum("ni,ni->n", mesh.face_normals[met], inward) > np.cos(CONE_RAD)
-    kept = (met >= 0) & square & (reached < MAX_OPENING_M - 0.004)
-    y = np.tile(inward[kept], (turns, 1))
-    centers = np.tile(p_OAs[kept] + 0.5 * reached[kept, None] * inward[kept], (turns, 1))
+    caster, step = RayCaster(mesh), 1e-4
+    reached = np.zeros(count)
+    lines = []
+    for crossing in range(2 * EXITS - 1):
+        distances, met = caster.cast(p_OAs + (reached + step)[:, None] * inward, inward)
+        reached = reached + step + distances
+        square = np.einsum("ni,ni->n", mesh.face_normals[met], inward) > np.cos(CONE_RAD)
+        kept = (met >= 0) & square & (reached > MIN_WIDTH_M) & (reached < MAX_WIDTH_M)
+        if crossing % 2 == 0:
+            ends = p_OAs[kept] + reached[kept, None] * inward[kept]
+            lines.append(np.stack([p_OAs[kept], ends], axis=1))
+        reached = np.where(met >= 0, reached, 1.0)
+    return np.concatenate(lines)
+
+
+def _candidates(
+    mesh: trimesh.Trimesh, count: int, turns: int, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Return grasps (N, 4, 4) whose pads' centres face each other across material, and widths."""
+    lines = np.tile(_antipodal_lines(mesh, count, rng), (turns, 1, 1))
+    span = lines[:, 1] - lines[:, 0]
+    widths = np.linalg.norm(span, axis=1)
+    y = span / widths[:, None]
     z = np.cross(y, rng.normal(size=y.shape))
     z /= np.linalg.norm(z, axis=1, keepdims=True)
-    return make_pose(np.stack([np.cross(y, z), y, z], axis=-1), centers)
+    R_OGs = np.stack([np.cross(y, z), y, z], axis=-1)
+    return make_pose(R_OGs, lines.mean(axis=1)), widths
 
 
 def _displaced(X_OGs: Array, rng: np.random.Generator) -> Array:
@@ -198,33 +94,47 @@ def _displaced(X_OGs: Array, rng: np.random.Generator) -> Array:
     return X_OGs @ shift @ make_pose(turn)
 
 
+def _spread(X_OGs: Array, count: int) -> np.ndarray:
+    """Return the indices of at most `count` grasps, evenly spread over place and approach."""
+    if len(X_OGs) <= count:
+        return np.arange(len(X_OGs))
+    features = np.column_stack([X_OGs[:, :3, 3] * TURN_RAD_PER_M, X_OGs[:, :3, 2]])
+    return fpsample.bucket_fps_kdline_sampling(features, count, h=5, start_idx=0).astype(int)
+
+
 def sample_grasps(
     mug: MugShape,
     rng: np.random.Generator,
     positives: int = 1500,
     negatives: int = 400,
 ) -> GraspLabels:
-    """Return at most `positives` true grasps of a mug and `negatives` false ones."""
-    mesh = mug.body.mesh
-    judge = GraspJudge(mesh)
-    X_OGs = _candidates(mesh, CANDIDATE_POINTS, CANDIDATE_TURNS, rng)
-    firm = judge.pinch(X_OGs).firm
-    X_OFirms = rng.permutation(X_OGs[firm])[:CHECKED_CANDIDATES]
-    check = judge.check(X_OFirms)
-    good = rng.permutation(np.flatnonzero(check.good))[:positives]
+    """Return at most `positives` true grasps of a mug and `negatives` false ones.
+
+    Of the false ones a third each collide, hold badly, and are true ones displaced.
+
+    Raises ValueError where the mug has no grasp.
+    """
+    judge = GraspJudge(mug.body.mesh)
+    X_OGs, widths = _candidates(mug.body.mesh, CANDIDATE_POINTS, CANDIDATE_TURNS, rng)
+    openings = opening_for(widths)
+    qualities = judge.qualities(X_OGs, openings)
+    firm = np.flatnonzero(qualities >= MIN_QUALITY)
+    collides = judge.collides(X_OGs[firm], openings[firm])
+    good = firm[~collides]
     if not len(good):
         raise ValueError(f"{mug.body.name} has no grasp among {len(X_OGs)} candidates")
-    chosen = X_OFirms[good]
-    near = _displaced(chosen[rng.integers(len(good), size=negatives)], rng)
+    chosen = good[_spread(X_OGs[good], positives)]
+    near = _displaced(X_OGs[rng.choice(chosen, negatives)], rng)
+    third = negatives // 3
     false = [
-        X_OFirms[check.collides][: negatives // 3],
-        X_OGs[~firm][: negatives // 3],
+        X_OGs[rng.permutation(firm[collides])[:third]],
+        X_OGs[rng.permutation(np.flatnonzero(qualities < MIN_QUALITY))[:third]],
         near[~judge.check(near).good],
     ]
     return GraspLabels(
-        X_OGs=chosen,
-        openings_m=check.openings_m[good],
-        qualities=check.qualities[good],
+        X_OGs=X_OGs[chosen],
+        openings_m=openings[chosen],
+        qualities=qualities[chosen],
         X_OGnegatives=np.concatenate(false)[:negatives],
     )
 

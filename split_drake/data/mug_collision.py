@@ -1,5 +1,7 @@
 """Collision geometry of parametric mugs: rings of boxes, a base cylinder, chains of capsules."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from split_drake.data.mug_mesh import handle_path
@@ -77,9 +79,7 @@ def wall_boxes(parameters: MugParameters) -> list[Primitive]:
     corners = simplify_path(outline, WALL_TOLERANCE_M, max(BOXES_PER_RING))
     count = BOXES_PER_RING[len(corners) - 1]
     return [
-        box
-        for lower, upper in zip(corners[:-1], corners[1:], strict=True)
-        for box in _ring(parameters, lower, upper, count)
+        box for lower, upper in pairwise(corners) for box in _ring(parameters, lower, upper, count)
     ]
 
 
@@ -100,6 +100,13 @@ def _capsule(p_OA: Array, p_OB: Array, radius: float) -> Primitive:
     return Primitive("capsule", (radius, length), make_pose(R_OP, (p_OA + p_OB) / 2.0))
 
 
+def _trim(path: Array, length_m: float) -> Array:
+    """Return the polyline `path` (N, 2) without `length_m` at either end."""
+    at = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))]
+    kept = np.linspace(length_m, at[-1] - length_m, len(path))
+    return np.column_stack([np.interp(kept, at, column) for column in path.T])
+
+
 def handle_capsules(parameters: MugParameters) -> list[Primitive]:
     """Return chains of capsules along the handle, side by side where it is wider than thick."""
     radius = parameters.grip_thickness_m / 2.0
@@ -107,11 +114,13 @@ def handle_capsules(parameters: MugParameters) -> list[Primitive]:
     rows = 1 if aspect < 1.1 else 2 if aspect < 1.6 else 3
     spread = radius * (aspect - 1.0)
     ys = np.linspace(-spread, spread, rows) if rows > 1 else np.zeros(1)
-    path = simplify_path(handle_path(parameters), HANDLE_TOLERANCE_M, MAX_HANDLE_SEGMENTS)
+    # The path ends in the middle of the wall; a cap must not reach through it.
+    path = _trim(handle_path(parameters), max(radius - parameters.wall_m / 2.0, 0.0))
+    path = simplify_path(path, HANDLE_TOLERANCE_M, MAX_HANDLE_SEGMENTS)
     return [
         _capsule(np.array([a[0], y, a[1]]), np.array([b[0], y, b[1]]), radius)
         for y in ys
-        for a, b in zip(path[:-1], path[1:], strict=True)
+        for a, b in pairwise(path)
     ]
 
 

@@ -90,10 +90,11 @@ def mug_names(split: Split) -> tuple[str, ...]:
 
 def mug_parameters(name: str) -> MugParameters:
     """Return the parameters of the mug `name`; raise ValueError where there is none."""
-    split, _, number = name.rpartition("_")
-    if split not in get_args(Split) or name not in mug_names(split):
+    split, _, number = name.partition("_")
+    mugs = _read_split(split) if split in get_args(Split) else ()
+    if not number.isdecimal() or int(number) >= len(mugs):
         raise ValueError(f"no mug is called {name!r}; expected train_000 or test_000 and so on")
-    return _read_split(split)[int(number)]
+    return mugs[int(number)]
 
 
 def load_mug(name: str) -> MugShape:

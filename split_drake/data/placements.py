@@ -17,17 +17,30 @@ class PlacementConfig:
     """How resting poses are drawn.
 
     Attributes:
+        upright_share: share of draws that stand upright, as after a reorientation.
         rare_share: share of draws for which every stable pose weighs the square root of its
-            probability after a random drop, so that rare ones appear; the others weigh it as is.
+            probability after a random drop, so that rare ones appear.  All other draws weigh it
+            as it is.
         tilt_rad: standard deviation of the tilt about x and about y of W.
         offset_m: how far the bounding box's centre lies from the workspace's, along x and y.
         margin_m: room left between the mug and the workspace's faces.
     """
 
+    upright_share: float = 0.15
     rare_share: float = 0.3
     tilt_rad: float = 0.026
     offset_m: float = 0.06
     margin_m: float = 0.005
+
+    def __post_init__(self) -> None:
+        if (
+            min(self.upright_share, self.rare_share) < 0.0
+            or self.upright_share + self.rare_share > 1
+        ):
+            raise ValueError(
+                f"upright_share {self.upright_share} and rare_share {self.rare_share}; expected "
+                "shares that add up to 1 at most"
+            )
 
 
 class RestingPoses:
@@ -46,16 +59,22 @@ class RestingPoses:
         poses, probabilities = trimesh.poses.compute_stable_poses(
             hull, center_mass=p_OCom, sigma=0.0, n_samples=1, threshold=0.0
         )
-        upright = poses[:, 2, 2] >= UPSIDE_DOWN_COS
-        self.R_WOs: Array = poses[upright, :3, :3]
-        self.probabilities: Array = probabilities[upright] / probabilities[upright].sum()
+        kept = poses[:, 2, 2] >= UPSIDE_DOWN_COS
+        self.R_WOs: Array = poses[kept, :3, :3]
+        self.probabilities: Array = probabilities[kept] / probabilities[kept].sum()
         self._p_OHulls: Array = np.asarray(hull.vertices)
+
+    def _weights(self, draw: float) -> Array:
+        """Return the probabilities (N,) of the stable poses, `draw` in [0, 1) choosing the kind."""
+        if draw < self._config.upright_share:
+            return np.eye(len(self.R_WOs))[self.R_WOs[:, 2, 2].argmax()]
+        if draw < self._config.upright_share + self._config.rare_share:
+            return np.sqrt(self.probabilities) / np.sqrt(self.probabilities).sum()
+        return self.probabilities
 
     def sample(self, rng: np.random.Generator) -> Array:
         """Return a resting pose X_WO (4, 4), tilted a little, its lowest point at z = 0."""
-        rare = rng.random() < self._config.rare_share
-        weights = np.sqrt(self.probabilities) if rare else self.probabilities
-        R_WO = self.R_WOs[rng.choice(len(weights), p=weights / weights.sum())]
+        R_WO = self.R_WOs[rng.choice(len(self.R_WOs), p=self._weights(rng.random()))]
         tilt = trimesh.transformations.euler_matrix(*rng.normal(0.0, self._config.tilt_rad, 2), 0)
         R_WO = rotation_z(rng.uniform(0.0, 2.0 * np.pi)) @ tilt[:3, :3] @ R_WO
         p_Ws = transform_points(make_pose(R_WO), self._p_OHulls)

@@ -6,14 +6,11 @@ import numpy as np
 import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from split_drake.camera import DepthView, Intrinsics, pixel_rays
 from split_drake.layout import CameraPlacement
 from split_drake.poses import Array, invert_pose, transform_points
-
-# Embree reports this distance, or more, for a ray that meets nothing.
-MISS_M = 1e6
 
 
 @lru_cache(maxsize=8)
@@ -46,7 +43,9 @@ class RayCaster:
             self._scene, np.ascontiguousarray(mesh.triangles, dtype=np.float32)
         )
 
-    def cast(self, p_OAs: Array, d_Os: Array) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    def cast(
+        self, p_OAs: ArrayLike, d_Os: ArrayLike
+    ) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Return (N,) distances in lengths of `d_Os` (inf: a miss), and the faces met (-1: none).
 
         Rays start at `p_OAs` (N, 3) or (3,) and run along `d_Os` (N, 3).

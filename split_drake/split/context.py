@@ -19,48 +19,47 @@ def point_kernel(offset_m: float) -> Tensor:
 class FeatureTables:
     """Feature grids of a batch of B scenes, one row per cell, ready to be looked up many times.
 
-    Cell i of a grid of n cells lies at the centre of voxel i * (r / n) of the input grid of
-    resolution r: there the strided convolutions that made it are centred.
+    A grid of n cells divides the cube evenly; a cell's features are those of its centre.  So the
+    same surroundings give the same context wherever they are, up to the coarsest grid's cells.
 
     Attributes:
         tables: for each grid, (B * n^3, C) rows in the order [scene, x, y, z].
         sizes: n of each grid.
         scenes: B.
-        resolution: r.
         edge_m: edge of the cube that all the grids cover.
     """
 
     tables: tuple[Tensor, ...]
     sizes: tuple[int, ...]
     scenes: int
-    resolution: int
     edge_m: float
 
     @classmethod
-    def from_grids(cls, grids: list[Tensor], resolution: int, edge_m: float) -> "FeatureTables":
+    def from_grids(cls, grids: list[Tensor], edge_m: float) -> "FeatureTables":
         """Lay out `grids`, each (B, C, n, n, n) indexed [x, y, z]."""
         tables = tuple(
             grid.permute(0, 2, 3, 4, 1).reshape(-1, grid.shape[1]).float() for grid in grids
         )
         sizes = tuple(grid.shape[-1] for grid in grids)
-        return cls(tables, sizes, len(grids[0]), resolution, edge_m)
+        return cls(tables, sizes, len(grids[0]), edge_m)
 
     def lookup(self, p_VQs: Tensor) -> Tensor:
         """Return features (B, Q, sum of C) at points (B, Q, 3) in V, metres.
 
         Interpolation is trilinear; points beyond the outermost cells take those cells' values.
         """
-        voxels = p_VQs.reshape(-1, 3) * (self.resolution / self.edge_m) - 0.5
+        share = p_VQs.reshape(-1, 3) / self.edge_m
         scene = torch.arange(self.scenes, device=p_VQs.device).repeat_interleave(p_VQs.shape[1])
         features = [
-            self._lookup_grid(table, size, voxels, scene)
+            self._lookup_grid(table, size, share, scene)
             for table, size in zip(self.tables, self.sizes, strict=True)
         ]
         return torch.cat(features, -1).view(*p_VQs.shape[:2], -1)
 
-    def _lookup_grid(self, table: Tensor, size: int, voxels: Tensor, scene: Tensor) -> Tensor:
-        """Return features (Q, C) of one grid at `voxels` (Q, 3) of the scenes `scene` (Q,)."""
-        cells = (voxels * (size / self.resolution)).clamp(0.0, size - 1.0)
+    @staticmethod
+    def _lookup_grid(table: Tensor, size: int, share: Tensor, scene: Tensor) -> Tensor:
+        """Return features (Q, C) of one grid at shares (Q, 3) of the edges of scenes (Q,)."""
+        cells = (share * size - 0.5).clamp(0.0, size - 1.0)
         low = cells.floor().clamp(max=size - 2.0)
         high_share = cells - low
         shares = torch.stack([1.0 - high_share, high_share], -1)  # (Q, axis, low or high)

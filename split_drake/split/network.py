@@ -183,7 +183,7 @@ class SplitNetwork(nn.Module):
         x = torch.stack([occupied, below], 1).float()
         grids = self.encoder(x.contiguous(memory_format=torch.channels_last_3d))
         chosen = [grids[i] for i in config.context_grids]
-        return FeatureTables.from_grids(chosen, config.resolution, config.edge_m)
+        return FeatureTables.from_grids(chosen, config.edge_m)
 
     def local_context(self, tables: FeatureTables, X_VPs: Tensor) -> Tensor:
         """Return the local context (B, N, context_width) of poses (B, N, 4, 4)."""

@@ -14,13 +14,27 @@ from split_drake.split.se3 import compose, so3_exp
 
 
 class SceneArrays(Protocol):
-    """What a data set offers for S scenes: noise-free clouds and true poses, in W."""
+    """What a data set offers for S scenes, in W."""
 
-    clouds: np.ndarray  # (S, 2000, 3)
-    grasps: np.ndarray  # (S, ., 4, 4)
-    grasp_negatives: np.ndarray  # (S, ., 4, 4)
-    handles: np.ndarray  # (S, ., 4, 4)
-    uprights: np.ndarray  # (S, ., 4, 4)
+    @property
+    def clouds(self) -> np.ndarray:
+        """(S, 2000, 3) points without noise."""
+
+    @property
+    def grasps(self) -> np.ndarray:
+        """(S, M, 4, 4) true grasps."""
+
+    @property
+    def grasp_negatives(self) -> np.ndarray:
+        """(S, M, 4, 4) infeasible grasps."""
+
+    @property
+    def handles(self) -> np.ndarray:
+        """(S, M, 4, 4) true handle poses."""
+
+    @property
+    def uprights(self) -> np.ndarray:
+        """(S, M, 4, 4) true upright poses."""
 
 
 @dataclass(frozen=True)
