@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from split_drake.gripper import MAX_OPENING_M, PAD_SIZE_M, finger_boxes
 from split_drake.poses import Array, invert_pose, make_pose, transform_points
@@ -14,7 +15,13 @@ ENOUGH_CLEARANCE_M = 0.010
 # Fingers open this close to the object when they let go: an object that swings needs the room.
 RELEASE_CLEARANCE_M = 0.004
 OPENING_STEPS = 18
+# Limits of the corrections that square a grasp up and centre it.
 MAX_CENTERING_M = 0.005
+MAX_SQUARING_RAD = np.radians(15.0)
+# A wall: no thicker than this, with this many points, spread this much less across than along.
+MAX_WALL_M = 0.012
+MIN_PATCH_POINTS = 12
+FLAT_RATIO = 0.5
 
 
 @dataclass(frozen=True)
@@ -27,28 +34,51 @@ class FingerFit:
         release_m: the widest opening that keeps some room.
         pinch_depth_m: how far the object reaches between the pads from their tips, 0 to the
             pads' length.
+        stem_room_m: room between the object and the fingers' stems once the pads bear on it;
+            below 0 the stems of a bulging object's fingers meet it before the pads do.
     """
 
     opening_m: float
     clearance_m: float
     release_m: float
     pinch_depth_m: float
+    stem_room_m: float
 
 
-def centered(X_WG: Array, p_WPs: Array) -> Array:
-    """Return the grasp moved along y_G so that what is between the pads lies in their middle.
+def settled(X_WG: Array, p_WPs: Array) -> Array:
+    """Return the grasp as closing fingers would have it: square to a wall, and in its middle.
 
-    Fingers that close off centre push the object until both touch it.  Where more than
-    `MAX_CENTERING_M` is missing, one side was probably not seen, and the grasp stays as it is.
+    Fingers that close at an angle or off centre turn and push the object until both pads bear on
+    it.  What lies between the pads is squared up only where it is thin and flat, and only by small
+    corrections: with larger ones, a side was probably not seen.
     """
-    p_GPs = transform_points(invert_pose(X_WG), p_WPs)
-    between = p_GPs[_between_pads(p_GPs, fit_fingers(X_WG, p_WPs).opening_m), 1]
+    between = _between(X_WG, p_WPs)
+    if len(between) >= MIN_PATCH_POINTS and np.ptp(between[:, 1]) < MAX_WALL_M:
+        X_WG = X_WG @ make_pose(_squaring(between))
+        between = _between(X_WG, p_WPs)
     if not len(between):
         return X_WG
-    offset = 0.5 * (between.min() + between.max())
+    offset = 0.5 * (between[:, 1].min() + between[:, 1].max())
     if abs(offset) > MAX_CENTERING_M:
         return X_WG
     return X_WG @ make_pose(p=(0.0, offset, 0.0))
+
+
+def _between(X_WG: Array, p_WPs: Array) -> Array:
+    """Return p_GPs (M, 3) of the points that the fitted fingers have between their pads."""
+    p_GPs = transform_points(invert_pose(X_WG), p_WPs)
+    return p_GPs[_between_pads(p_GPs, fit_fingers(X_WG, p_WPs).opening_m)]
+
+
+def _squaring(p_GPs: Array) -> Array:
+    """Return the rotation (3, 3) that turns y onto the normal of a patch of points (N, 3)."""
+    variances, axes = np.linalg.eigh(np.cov(p_GPs.T))
+    normal = axes[:, 0] * (1.0 if axes[1, 0] > 0.0 else -1.0)
+    angle = np.arccos(np.clip(normal[1], -1.0, 1.0))
+    if variances[0] > FLAT_RATIO * variances[1] or not 1e-6 < angle < MAX_SQUARING_RAD:
+        return np.eye(3)
+    axis = np.cross([0.0, 1.0, 0.0], normal)
+    return Rotation.from_rotvec(axis / np.linalg.norm(axis) * angle).as_matrix()
 
 
 def fit_fingers(X_WG: Array, p_WPs: Array) -> FingerFit:
@@ -57,12 +87,32 @@ def fit_fingers(X_WG: Array, p_WPs: Array) -> FingerFit:
     near = (np.abs(p_GPs[:, 0]) < 0.03) & (np.abs(p_GPs[:, 1]) < 0.08) & (p_GPs[:, 2] < 0.03)
     p_GPs = p_GPs[near]
     openings = np.linspace(0.010, MAX_OPENING_M, OPENING_STEPS)
-    clearances = _clearances(p_GPs, openings)
-    best = int(np.argmax(np.minimum(clearances, ENOUGH_CLEARANCE_M)))
-    opening = float(openings[best])
-    clearance = float(min(clearances[best], ENOUGH_CLEARANCE_M))
-    roomy = openings[clearances >= min(clearance, RELEASE_CLEARANCE_M)]
-    return FingerFit(opening, clearance, float(roomy.max()), _pinch_depth(p_GPs, opening))
+    clearances = np.minimum(_clearances(p_GPs, openings), ENOUGH_CLEARANCE_M)
+    fitting = _first_run(clearances > 0.0)
+    best = fitting.start + int(np.argmax(clearances[fitting]))
+    opening, clearance = float(openings[best]), float(clearances[best])
+    wider = slice(best, fitting.stop)
+    roomy = openings[wider][clearances[wider] >= min(clearance, RELEASE_CLEARANCE_M)]
+    return FingerFit(
+        opening_m=opening,
+        clearance_m=clearance,
+        release_m=float(roomy.max()),
+        pinch_depth_m=_pinch_depth(p_GPs, opening),
+        stem_room_m=_stem_room(p_GPs, opening),
+    )
+
+
+def _first_run(true: NDArray[np.bool_]) -> slice:
+    """Return the first run of true values, all of them where none is true.
+
+    Beyond the first openings that fit come those that take in something else as well, such as the
+    opposite wall; the fingers cannot get there without touching it.
+    """
+    if not true.any():
+        return slice(0, len(true))
+    start = int(np.argmax(true))
+    ends = np.flatnonzero(~true[start:])
+    return slice(start, start + int(ends[0]) if len(ends) else len(true))
 
 
 def _clearances(p_GPs: Array, openings_m: Array) -> Array:
@@ -86,6 +136,21 @@ def _clearances(p_GPs: Array, openings_m: Array) -> Array:
 def _pinch_depth(p_GPs: Array, opening_m: float) -> float:
     between = p_GPs[_between_pads(p_GPs, opening_m), 2]
     return float(np.max(PAD_SIZE_M[1] / 2.0 - between, initial=0.0))
+
+
+def _stem_room(p_GPs: Array, opening_m: float) -> float:
+    """Return how far the stems stay from points between them when the pads have closed."""
+    stem = finger_boxes(0.0)[2]
+    recess_m = stem.lower[1]
+    width = np.abs(p_GPs[_between_pads(p_GPs, opening_m), 1]).max(initial=0.0)
+    beside_stems = (
+        (np.abs(p_GPs[:, 0]) < stem.upper[0])
+        & (np.abs(p_GPs[:, 1]) < opening_m / 2.0 + recess_m)
+        & (p_GPs[:, 2] > stem.lower[2])
+        & (p_GPs[:, 2] < stem.upper[2])
+    )
+    bulge = np.abs(p_GPs[beside_stems, 1]).max(initial=0.0)
+    return float(width + recess_m - bulge)
 
 
 def _between_pads(p_GPs: Array, opening_m: float) -> NDArray[np.bool_]:

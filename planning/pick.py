@@ -136,9 +136,15 @@ def balance(X_WGs: Array, target: PerceivedObject) -> Array:
 
 
 def firmness(fits: list[FingerFit]) -> Array:
-    """Return (N,) factors in (0, 1]: which grasps pinch deeply and leave the fingers room."""
+    """Return (N,) factors in (0, 1]: which grasps pinch deeply and leave the fingers room.
+
+    Where the stems of the fingers would meet the object before their pads do, the hand pushes and
+    turns the object as it closes.
+    """
     depth = np.array([fit.pinch_depth_m for fit in fits])
     room = np.array([fit.clearance_m for fit in fits])
     deep = 0.3 + 0.7 * np.clip(depth / 0.016, 0.0, 1.0)
     wide = 0.5 + 0.5 * np.clip(room / 0.006, 0.0, 1.0)
-    return np.asarray(deep * wide)
+    stems = np.array([fit.stem_room_m for fit in fits])
+    square = np.clip(stems / 0.003, 0.05, 1.0)
+    return np.asarray(deep * wide * square)

@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 
 from planning.candidates import BestPairs, distinct_modes
-from planning.fingers import FingerFit, centered, fit_fingers
+from planning.fingers import FingerFit, fit_fingers, settled
 from planning.ik import DrakeIk, IkSolutions, solve_ik
 from planning.motion import free_motion
 from planning.perceived import PerceivedObject
@@ -110,7 +110,7 @@ class _Search:
         )
         chosen = distinct_modes(preferred.X_WPs, MAX_GRASPS)
         details = self._target.p_WDetails
-        X_WGs = np.stack([centered(X_WG, details) for X_WG in preferred.X_WPs[chosen]])
+        X_WGs = np.stack([settled(X_WG, details) for X_WG in preferred.X_WPs[chosen]])
         fits = [fit_fingers(X_WG, details) for X_WG in X_WGs]
         scores = preferred.scores[chosen] * firmness(fits)
         return with_half_turns(X_WGs), 2 * fits, np.tile(scores, 2)

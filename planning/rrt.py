@@ -32,6 +32,8 @@ def rrt_connect(
         path_free: whether the straight motions through a path (M, 7) are free.
         rng: seeds OMPL and draws the shortcuts.
     """
+    if not (path_free(q_start[None]) and path_free(q_goal[None])):
+        return None
     ou.RNG.setSeed(int(rng.integers(1, 2**31 - 1)))
     space = _joint_space()
     setup = og.SimpleSetup(space)

@@ -37,10 +37,12 @@ class TrialRecorder:
     def __init__(self) -> None:
         self.meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
         self._attempts = 0
+        self._start_s = 0.0
 
-    def start(self) -> None:
-        """Record from now on."""
-        self.meshcat.SetCameraPose((1.25, 0.5, 0.72), (0.36, -0.16, 0.24))
+    def start(self, time_s: float) -> None:
+        """Record from `time_s`, which is now, on."""
+        self._start_s = time_s
+        self.meshcat.SetCameraPose((1.15, 0.42, 0.66), (0.36, -0.16, 0.22))
         for helper in ("/Grid", "/Axes"):
             self.meshcat.SetProperty(helper, "visible", False)
         self.meshcat.StartRecording(
@@ -50,15 +52,20 @@ class TrialRecorder:
     def show_perception(
         self, p_WPs: Array, pose_sets: Mapping[PoseTask, PoseSet], time_s: float
     ) -> None:
-        """Show a cloud (N, 3) and pose sets from `time_s` on, instead of the attempt's before."""
-        self._set_visible(False, time_s)
+        """Show a cloud (N, 3) and pose sets from `time_s` on, instead of what was shown before."""
+        if self._attempts:
+            self._set_visible("", False, time_s)
         self._attempts += 1
-        self.meshcat.SetObject(f"{self._path}/cloud", _point_cloud(p_WPs), point_size=0.0025)
+        self.meshcat.SetObject(f"{self._path}/seen/cloud", _point_cloud(p_WPs), point_size=0.0025)
         for task, pose_set in pose_sets.items():
             for band, colored in enumerate(score_bands(pose_set.head(_SHOWN_POSES))):
-                path = f"{self._path}/{task}/band_{band}"
+                path = f"{self._path}/seen/{task}/band_{band}"
                 self._draw(path, colored.segments_W, Rgba(*colored.color))
-        self._set_visible(True, time_s)
+        for part in ("", "/seen"):
+            # Before its first key a property has that key's value.
+            if time_s > self._start_s:
+                self._set_visible(part, False, self._start_s)
+            self._set_visible(part, True, time_s)
 
     def show_plan(self, plan: Plan) -> None:
         """Show the chosen grasp, and where the hand and the placed frame shall end."""
@@ -72,10 +79,9 @@ class TrialRecorder:
             segments = pose_segments(task, X_WP)
             self._draw(f"{self._path}/plan/{name}", segments, rgba, line_width=4.0)
 
-    def hide_pose_sets(self, time_s: float) -> None:
+    def hide_perception(self, time_s: float) -> None:
         """Hide cloud and pose sets from `time_s` on; the plan stays."""
-        for name in ("cloud", *PoseTask):
-            self.meshcat.SetProperty(f"{self._path}/{name}", "visible", False, time_s)
+        self._set_visible("/seen", False, time_s)
 
     def save(self, path: Path) -> None:
         """Write the page, atomically."""
@@ -87,9 +93,8 @@ class TrialRecorder:
     def _path(self) -> str:
         return f"/perception/{self._attempts}"
 
-    def _set_visible(self, visible: bool, time_s: float) -> None:
-        if self._attempts:
-            self.meshcat.SetProperty(self._path, "visible", visible, time_s)
+    def _set_visible(self, part: str, visible: bool, time_s: float) -> None:
+        self.meshcat.SetProperty(self._path + part, "visible", visible, time_s)
 
     def _draw(self, path: str, segments_W: Array, rgba: Rgba, line_width: float = 2.0) -> None:
         start, end = (np.asfortranarray(segments_W[:, i].T) for i in (0, 1))

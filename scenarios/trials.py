@@ -159,13 +159,14 @@ class _Trial:
         )
         self._truth = Truth(self._station)
         self._detector = self._make_detector()
+        self._lifting = False
 
     def run(self) -> TrialRecord:
         begun = time.monotonic()
         reject = reject_for_hang if self._spec.task is Subgoal.HANG else reject_for_reorient
         start = draw_start(self._station, self._truth, self._start_rng, reject)
         if self._recorder:
-            self._recorder.start()
+            self._recorder.start(self._station.time_s)
         started_s, set_up = self._station.time_s, time.monotonic()
         result = self._sequence().run(self._spec.task, self._planner_rng)
         executed = time.monotonic()
@@ -213,8 +214,11 @@ class _Trial:
         return scene, pose_sets
 
     def _on_step(self, segment: Segment) -> None:
-        if self._recorder and segment.name is SegmentName.LIFT:
-            self._recorder.hide_pose_sets(self._station.time_s)
+        """Hide what was perceived once the object is moved."""
+        lifting = segment.name is SegmentName.LIFT
+        if self._recorder and lifting and not self._lifting:
+            self._recorder.hide_perception(self._station.time_s)
+        self._lifting = lifting
 
     def _judge(self, result: SequenceResult) -> Verdict:
         if not result.completed:

@@ -4,6 +4,8 @@ from functools import cache
 
 import numpy as np
 
+from planning.ik import solve_ik
+from planning.pick import Q_COMFORT
 from planning.problem import PlanningProblem, Subgoal
 from planning.waypoints import HANDLE_FLIP
 from split_drake.panda import Q_HOME
@@ -84,3 +86,8 @@ def mug_problem(subgoal: Subgoal, X_WO: Array) -> PlanningProblem:
         PoseTask.UPRIGHT: PoseSet(PoseTask.UPRIGHT, X_WO[None], np.ones(1)),
     }
     return PlanningProblem(subgoal, pose_sets, transform_points(X_WO, mug_cloud()), Q_HOME)
+
+
+def configuration(p_WG: tuple[float, float, float]) -> Array:
+    """Return joint angles that point the gripper straight down at a place."""
+    return solve_ik(make_pose(rotation_x(np.pi), p_WG)[None]).of(0, Q_COMFORT)[0]

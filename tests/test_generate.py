@@ -132,7 +132,7 @@ def test_damaged_datasets_are_refused(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="is of format 99"):
         MugDataset.open(tmp_path)
     (tmp_path / MANIFEST).write_text(json.dumps(manifest))
-    with pytest.raises(DatasetError, match="test_002.npz is missing"):
+    with pytest.raises(DatasetError, match=r"test_002\.npz is missing"):
         MugDataset.open(tmp_path)
     for name in NAMES:
         (tmp_path / f"{name}.npz").write_bytes((folder / f"{name}.npz").read_bytes()[:-1] + b"x")

@@ -1,5 +1,7 @@
 """Grasp labels: the judge on plain shapes, and the labels of mugs against independent checks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -111,7 +113,7 @@ def test_feasible_grasps_clear_the_table_from_above() -> None:
 def test_feasible_counts_the_whole_hand() -> None:
     """A level hand, its fingers closing upwards, has half a palm below it."""
     level = make_pose(np.column_stack([[0, -1, 0], [0, 0, 1], [-1, 0, 0]]), (0, 0, 0.08))
-    slightly_down = level @ make_pose(rotation_x(-0.05))
+    slightly_down = level @ make_pose(rotation_x(0.05))
     X_OGs = np.stack([slightly_down, make_pose(p=(0.0, 0.0, 0.08)) @ slightly_down])
     assert (X_OGs[:, 2, 2] < 0.0).all()
     assert feasible(np.eye(4), X_OGs, np.full(2, 0.04)).tolist() == [False, True]
@@ -178,8 +180,6 @@ def test_labels_follow_the_seed(mug: MugShape, labels: GraspLabels) -> None:
 
 
 def test_objects_too_wide_to_grasp_are_named(mug: MugShape) -> None:
-    from dataclasses import replace
-
     ball = trimesh.creation.icosphere(radius=0.1)
     big = replace(mug, body=replace(mug.body, name="big_ball", mesh=ball))
     with pytest.raises(ValueError, match="big_ball has no grasp among 0 candidates"):

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from test_world import configuration
+from helpers_planning import configuration
 
 from planning.motion import free_motion, timed
 from planning.problem import JointTrajectory
@@ -25,12 +25,10 @@ def world() -> CollisionWorld:
 
 
 def walled() -> Situation:
-    """Return a wall across the table, which the hand must be lifted over."""
-    y, z = np.meshgrid(np.arange(-0.02, 0.03, 0.02), np.arange(0.0, 0.2, 0.01))
-    x = np.arange(0.35, 0.66, 0.02)
-    wall = np.stack(np.meshgrid(x, y.ravel()), axis=-1).reshape(-1, 2)
-    points = [np.column_stack([wall, np.full(len(wall), height)]) for height in z[:, 0]]
-    return Situation(0.08, p_WStanding=np.concatenate(points))
+    """Return a wall across the workspace, which the hand must go around."""
+    x, z = np.meshgrid(np.arange(0.35, 0.66, 0.02), np.arange(0.0, 0.2, 0.02))
+    wall = np.column_stack([x.ravel(), np.zeros(x.size), z.ravel()])
+    return Situation(0.08, p_WStanding=wall)
 
 
 def around_the_wall(seed: int) -> Array | None:

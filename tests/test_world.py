@@ -4,20 +4,19 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers_planning import configuration
 from pydrake.geometry import QueryObject
 from pydrake.planning import RobotDiagramBuilder
 
 from planning.distances import arm_capsules, distance_to_box, distance_to_segments, hook_capsules
-from planning.ik import solve_ik
 from planning.kinematics import gripper_pose, link_poses
-from planning.pick import Q_COMFORT
 from planning.problem import AllowedContact
 from planning.world import EDGE_STEP_RAD, POINT_RADIUS_M, CollisionWorld, Situation, densified
 from split_drake.fixtures import add_hook, add_table
 from split_drake.gripper import PALM, Box
 from split_drake.layout import Layout
 from split_drake.panda import Q_HOME, add_panda, arm_limits, panda_positions
-from split_drake.poses import Array, make_pose, rotation_x, transform_points
+from split_drake.poses import Array, transform_points
 
 FINGERS = frozenset({AllowedContact.FINGERS_TARGET})
 TABLE = frozenset({AllowedContact.HELD_TABLE})
@@ -27,11 +26,6 @@ PEG = frozenset({AllowedContact.HELD_PEG})
 @cache
 def world() -> CollisionWorld:
     return CollisionWorld(Layout())
-
-
-def configuration(p_WG: tuple[float, float, float]) -> Array:
-    """Return joint angles that point the gripper straight down at a place."""
-    return solve_ik(make_pose(rotation_x(np.pi), p_WG)[None]).of(0, Q_COMFORT)[0]
 
 
 def is_free(q: Array, situation: Situation) -> bool:

@@ -23,8 +23,9 @@ BEARING_DEPTH_M = 0.002
 SURFACE_POINTS = 2500
 APPROACH_M = 0.06
 TABLE_CLEARANCE_M = 0.002
-# Openings that are tried where the width of what lies between the pads isn't known.
-TRIED_OPENINGS_M = (0.03, 0.04, 0.055, MAX_OPENING_M)
+# Openings that are tried where the width of what lies between the pads isn't known; the first of
+# equals counts.
+TRIED_OPENINGS_M = (MAX_OPENING_M, 0.055, 0.04, 0.03)
 
 _PAD_X, _PAD_Z = (
     grid.ravel()
@@ -103,15 +104,15 @@ class GraspJudge:
 
     def _bears(self, X_OGs: Array, openings_m: Array, side: float) -> NDArray[np.bool_]:
         """Return (N, L): whether the pad at y = side * opening / 2 bears along its lines."""
-        normals_G = np.array([0.0, 1.0, 0.0])
-        starts = np.column_stack([_PAD_X, np.zeros_like(_PAD_X), _PAD_Z])
-        p_GStarts = starts + side * openings_m[:, None, None] / 2.0 * normals_G
-        origins = p_GStarts @ X_OGs[:, :3, :3].swapaxes(1, 2) + X_OGs[:, None, :3, 3]
-        inward = np.repeat(-side * X_OGs[:, :3, 1], len(starts), axis=0)
-        distances, faces = self._caster.cast(origins.reshape(-1, 3), inward)
+        shape = (len(X_OGs), len(_PAD_X))
+        p_GMiddles = np.column_stack([_PAD_X, np.zeros_like(_PAD_X), _PAD_Z])
+        outward = side * X_OGs[:, None, :3, 1]
+        origins = transform_points(X_OGs, p_GMiddles) + openings_m[:, None, None] / 2.0 * outward
+        inward = np.broadcast_to(-outward, (*shape, 3)).reshape(-1, 3)
+        hits, faces = self._caster.cast(origins.reshape(-1, 3), inward)
         cosines = np.einsum("ni,ni->n", self._mesh.face_normals[faces], -inward)
-        distances = distances.reshape(len(X_OGs), -1)
-        square = (cosines > np.cos(CONE_RAD)).reshape(distances.shape)
+        distances = hits.reshape(shape)
+        square = (cosines > np.cos(CONE_RAD)).reshape(shape)
         stops = distances.min(axis=1, keepdims=True) + BEARING_DEPTH_M
         return square & (distances < openings_m[:, None]) & (distances < stops)
 

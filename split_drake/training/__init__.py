@@ -1,0 +1,1 @@
+"""Training of SPLIT and its evaluation."""

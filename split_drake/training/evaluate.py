@@ -6,7 +6,7 @@ would hold the mug geometrically and collides with neither mug nor table.
 
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,12 +19,12 @@ from rich.progress import track
 from rich.table import Table
 
 from split_drake.data.dataset import MugDataset
-from split_drake.data.grasps import check_grasps, feasible
+from split_drake.data.grasp_judge import GraspJudge, feasible
 from split_drake.data.mugs import load_mug
-from split_drake.objects import MugShape
 from split_drake.pose_set import PoseTask
 from split_drake.poses import Array, invert_pose, rotation_error_rad
 from split_drake.scene import Scene, Workspace
+from split_drake.split.checkpoint import default_weights, load_checkpoint, save_checkpoint
 from split_drake.split.detector import SplitDetector
 from split_drake.split.network import TASKS
 
@@ -44,6 +44,7 @@ class EvaluateConfig:
         noise_m: standard deviation of the noise on the points.
         seed: of noise and sampling.
         out: JSON file to write the metrics to; none by default.
+        ship: where to write a copy of the checkpoint that records the metrics; none by default.
     """
 
     data: Path
@@ -52,6 +53,7 @@ class EvaluateConfig:
     noise_m: float = 0.005
     seed: int = 0
     out: Path | None = None
+    ship: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,8 @@ class Judgement:
 
 
 @cache
-def _mug(name: str) -> MugShape:
-    return load_mug(name)
+def _grasp_judge(mug_name: str) -> GraspJudge:
+    return GraspJudge(load_mug(mug_name).body.mesh)
 
 
 def judge_poses(X_WPs: Array, X_WTruths: Array) -> Judgement:
@@ -84,10 +86,10 @@ def judge_poses(X_WPs: Array, X_WTruths: Array) -> Judgement:
     return Judgement(good.any(axis=1), position[rows, nearest], rotation[rows, nearest])
 
 
-def judge_grasps(X_WGs: Array, mug: MugShape, X_WO: Array) -> Judgement:
-    """Check grasps (N, 4, 4) of a mug at X_WO geometrically."""
+def judge_grasps(X_WGs: Array, judge: GraspJudge, X_WO: Array) -> Judgement:
+    """Check grasps (N, 4, 4) of the object of `judge`, at X_WO, geometrically."""
     X_OGs = invert_pose(X_WO) @ X_WGs
-    check = check_grasps(mug, X_OGs)
+    check = judge.check(X_OGs)
     good = check.good & feasible(X_WO, X_OGs, check.openings_m)
     return Judgement(good, np.zeros(0), np.zeros(0))
 
@@ -161,7 +163,7 @@ def _judge(task: PoseTask, X_WPs: Array, dataset: MugDataset, index: int) -> Jud
     """Compare a task's poses with the truth of the data set's scene `index`."""
     if task == PoseTask.GRASP:
         name = dataset.mug_names[dataset.mug_index[index]]
-        return judge_grasps(X_WPs, _mug(name), dataset.X_WOs[index].astype(float))
+        return judge_grasps(X_WPs, _grasp_judge(name), dataset.X_WOs[index].astype(float))
     truths = dataset.handles if task == PoseTask.HANDLE else dataset.uprights
     return judge_poses(X_WPs, truths[index].astype(float))
 
@@ -208,15 +210,18 @@ def metrics_table(metrics: dict[str, Any]) -> Table:
 
 
 def main(config: EvaluateConfig) -> None:
-    """Evaluate, print a table and write the metrics."""
+    """Evaluate, print a table, and write what is asked for."""
     console = Console()
-    detector = SplitDetector.from_checkpoint(config.checkpoint)
+    network, info = load_checkpoint(config.checkpoint or default_weights())
+    detector = SplitDetector(network)
     metrics = evaluate(detector, MugDataset.open(config.data), config, console)
     console.print(metrics_table(metrics))
     console.print(f"median time of a detection: {metrics['median_detect_s']:.2f} s")
     if config.out is not None:
         config.out.parent.mkdir(parents=True, exist_ok=True)
         config.out.write_text(json.dumps(metrics, indent=1) + "\n")
+    if config.ship is not None:
+        save_checkpoint(config.ship, network, replace(info, metrics=metrics))
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ class TrainConfig:
         device: "auto" takes CUDA where there is one.
         bfloat16: compute matrix products and fine convolutions in that type.
         seed: of weights and batches.
-        resume: go on with the run in `out`.
+        resume: go on with the run in `out`; only its length and device may be given anew.
         init: checkpoint to take the first weights from.
         log_steps: steps averaged in one line of the curves.
         save_minutes: time between two saved states.
@@ -125,8 +125,7 @@ class Run:
         if config.resume:
             if not state_file.exists():
                 raise SystemExit(f"{state_file} does not exist: there is no run to resume")
-            if json.loads(options_file.read_text()) != options:
-                raise SystemExit(f"{options_file} has other options or data than this command")
+            self._require_same(json.loads(options_file.read_text()), options)
             self._trainer.restore(state_file)
             self._console.print(f"resumed at step {self._trainer.step}")
             return
@@ -139,6 +138,15 @@ class Run:
             if network.config != config.network:
                 raise SystemExit(f"{config.init} holds another architecture: {network.config}")
             self._trainer.start_from(network)
+
+    def _require_same(self, before: dict[str, object], now: dict[str, object]) -> None:
+        """Exit where a resumed run would not be the same; its length and device may change."""
+        keys = (before.keys() | now.keys()) - {"minutes", "steps", "device"}
+        if changed := sorted(key for key in keys if before.get(key) != now.get(key)):
+            raise SystemExit(
+                f"the run in {self._config.out} has other values of {', '.join(changed)}; "
+                "resume it with the options and data it was started with"
+            )
 
     def _windows(self) -> Iterator[list[Losses]]:
         """Train to the end of the run; yield the losses of each `log_steps` steps."""
