@@ -6,16 +6,17 @@ import numpy as np
 
 from planning.candidates import BestPairs, distinct_modes
 from planning.fingers import FingerFit, fit_fingers, settled
-from planning.ik import DrakeIk, IkSolutions, solve_ik
+from planning.ik import DrakeIk, IkSolutions, follow, solve_ik
+from planning.kinematics import gripper_pose
 from planning.motion import free_motion
 from planning.perceived import PerceivedObject
-from planning.pick import Pick, PickSearch, balance, firmness
+from planning.pick import LINE_STEP_M, Pick, PickSearch, balance, firmness
 from planning.place import Place, PlaceSearch
 from planning.placements import Placement, placements
 from planning.planner import register_planner
 from planning.problem import Plan, PlanFailure, PlanningProblem, Stage, Subgoal
 from planning.segments import Route, plan_segments
-from planning.waypoints import place_grasp, with_half_turns
+from planning.waypoints import backed_off, place_grasp, straight_line, with_half_turns
 from planning.world import CollisionWorld, Situation
 from split_drake.layout import Layout
 from split_drake.panda import Q_HOME
@@ -27,6 +28,8 @@ MAX_GRASPS = 96
 MAX_PAIRS = 6000
 MAX_PLACES = 1500
 MAX_ROUTES = 12
+# How far the hand backs off further once the object hangs, as far as that is possible.
+WITHDRAWALS_M = (0.15, 0.10, 0.05)
 
 
 @register_planner("default")
@@ -152,11 +155,22 @@ class _Search:
         transit = self._motion(self._problem.q_start, pick.approach_qs[0], before)
         if transit is None:
             return None
-        if self._problem.subgoal is Subgoal.HANG:
-            return Route(transit, transfer, None)
         after = Situation(pick.release_m, p_WStanding=place.p_WReleased)
+        if self._problem.subgoal is Subgoal.HANG:
+            return Route(transit, transfer, self._withdrawal(place.retreat_qs[-1], after))
         home = self._motion(place.retreat_qs[-1], Q_HOME, after)
         return None if home is None else Route(transit, transfer, home)
+
+    def _withdrawal(self, q: Array, after: Situation) -> Array | None:
+        """Return (N, 7) straight on back from the hook, out of reach of a swinging object."""
+        X_WG = gripper_pose(q)
+        for distance in WITHDRAWALS_M:
+            back = follow(q, straight_line(X_WG, backed_off(X_WG, distance), LINE_STEP_M))
+            if back is not None:
+                path = np.concatenate([q[None], back])
+                if self._world.path_free(path, after):
+                    return path
+        return None
 
     def _motion(self, q_start: Array, q_goal: Array, situation: Situation) -> Array | None:
         return free_motion(self._world, q_start, q_goal, situation, self._rng)

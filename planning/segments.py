@@ -29,12 +29,12 @@ class Route:
     Attributes:
         transit_qs: from the start to the pregrasp.
         transfer_qs: from the lifted object to the insertion.
-        home_qs: from the released object to the home configuration, or None to stay near it.
+        away_qs: from the retreat's end on, away from the object; None to stay there.
     """
 
     transit_qs: Array
     transfer_qs: Array
-    home_qs: Array | None
+    away_qs: Array | None
 
 
 def plan_segments(
@@ -58,8 +58,8 @@ def plan_segments(
         _open(place, pick.release_m, contacts),
         grip.empty(SegmentName.RETREAT, place.retreat_qs, CAREFUL, _allowing(after, _FINGERS)),
     ]
-    if route.home_qs is not None:
-        segments.append(grip.empty(SegmentName.TRANSIT, route.home_qs, FREE, after))
+    if route.away_qs is not None:
+        segments.append(grip.empty(SegmentName.TRANSIT, route.away_qs, FREE, after))
     return tuple(segments)
 
 

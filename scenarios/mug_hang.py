@@ -24,7 +24,8 @@ from scenarios.pool import WorkerPool
 from scenarios.provenance import file_sha256, git_commit, package_versions
 from scenarios.records import Rate, TrialRecord, read_records
 from scenarios.report import print_report, run_title, write_report
-from scenarios.trials import TrialSpec, crashed_trial, run_trial
+from scenarios.trial_spec import TrialSpec
+from scenarios.trials import crashed_trial, run_trial
 
 
 @dataclass(frozen=True)

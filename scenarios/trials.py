@@ -3,17 +3,14 @@
 import logging
 import time
 import traceback
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from functools import lru_cache
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any
 
 import numpy as np
 
 from planning.executor import Executor
-from planning.planner import Planner, make_planner
+from planning.planner import Planner
 from planning.problem import (
     Plan,
     PlanFailure,
@@ -24,54 +21,14 @@ from planning.problem import (
     Subgoal,
 )
 from planning.sequencer import Attempt, Sequencer, SequenceResult
-from scenarios.recording import FRAMES_PER_SECOND, TrialRecorder
+from scenarios.recording import TrialRecorder
 from scenarios.records import SUCCESS, TrialRecord
-from split_drake.data.grasps import GraspLabels, sample_grasps
-from split_drake.data.mugs import load_mug, mug_names
-from split_drake.oracle import OracleDetector, Truth
-from split_drake.pose_set import PoseDetector, PoseSet, PoseTask
+from scenarios.trial_setup import make_detector, planner_named, set_up
+from scenarios.trial_spec import TrialSpec
+from split_drake.data.mugs import load_mug
+from split_drake.pose_set import PoseSet, PoseTask
 from split_drake.scene import Scene
-from split_drake.starts import draw_start, reject_for_hang, reject_for_reorient
-from split_drake.station import Station
-from split_drake.station_config import StationConfig
 from split_drake.verdicts import Verdict, hang_verdict, reorient_verdict
-
-if TYPE_CHECKING:
-    from scenarios.mug_hang import MugHangOptions
-
-
-@dataclass(frozen=True)
-class TrialSpec:
-    """Everything that determines a trial's outcome, and where it is recorded."""
-
-    index: int
-    seed: int
-    mug: str
-    task: Subgoal
-    detector: str
-    planner: str
-    checkpoint: Path | None
-    noise_m: float
-    record: str
-    folder: Path
-
-    @classmethod
-    def of(cls, options: "MugHangOptions", index: int, folder: Path) -> Self:
-        """Return trial `index` of a run.  The mugs of the split take turns by seed."""
-        seed = options.seed + index
-        names = mug_names(options.mugs)
-        return cls(
-            index=index,
-            seed=seed,
-            mug=names[seed % len(names)],
-            task=Subgoal(options.task),
-            detector=options.detector,
-            planner=options.planner,
-            checkpoint=options.checkpoint,
-            noise_m=options.noise_m,
-            record=options.record,
-            folder=folder,
-        )
 
 
 def run_trial(spec: TrialSpec) -> TrialRecord:
@@ -90,37 +47,16 @@ def crashed_trial(spec: TrialSpec) -> TrialRecord:
 
 
 def _failed_trial(spec: TrialSpec, reason: str, trace: str | None) -> TrialRecord:
+    mug = load_mug(spec.mug_names()[0])
     return TrialRecord(
         index=spec.index,
         seed=spec.seed,
-        mug=spec.mug,
-        mug_diameter_m=load_mug(spec.mug).outer_diameter_m,
+        mug=mug.body.name,
+        mug_diameter_m=mug.outer_diameter_m,
         outcome=Stage.SIMULATOR_ERROR,
         reason=reason,
         traceback=trace,
     )
-
-
-@lru_cache(maxsize=1)
-def _split_detector(checkpoint: Path | None) -> PoseDetector:
-    """Return SPLIT, on one thread: results depend on the number of threads."""
-    import torch
-
-    from split_drake.split.detector import SplitDetector
-
-    torch.set_num_threads(1)
-    return SplitDetector.from_checkpoint(checkpoint)
-
-
-@lru_cache(maxsize=4)
-def _grasp_labels(mug: str) -> GraspLabels:
-    """Return the true grasps of a mug, the same in every trial with it."""
-    return sample_grasps(load_mug(mug), np.random.default_rng(0))
-
-
-@lru_cache(maxsize=1)
-def _planner(name: str) -> Planner:
-    return make_planner(name)
 
 
 @dataclass(frozen=True)
@@ -150,24 +86,16 @@ class _Trial:
         self._start_rng, self._noise_rng, self._detector_rng, self._planner_rng = (
             np.random.default_rng(child) for child in children
         )
-        self._mug = load_mug(spec.mug)
-        self._recorder = None if spec.record == "none" else TrialRecorder()
-        self._station = Station(
-            StationConfig(meshcat_rate_hz=FRAMES_PER_SECOND),
-            [self._mug.body],
-            meshcat=self._recorder.meshcat if self._recorder else None,
-        )
-        self._truth = Truth(self._station)
-        self._detector = self._make_detector()
+        self._begun = time.monotonic()
+        self._setup = set_up(spec, self._start_rng)
+        self._station, self._recorder = self._setup.station, self._setup.recorder
+        self._detector = make_detector(spec, self._setup)
         self._lifting = False
 
     def run(self) -> TrialRecord:
-        begun = time.monotonic()
-        reject = reject_for_hang if self._spec.task is Subgoal.HANG else reject_for_reorient
-        start = draw_start(self._station, self._truth, self._start_rng, reject)
         if self._recorder:
             self._recorder.start(self._station.time_s)
-        started_s, set_up = self._station.time_s, time.monotonic()
+        started_s, begun = self._station.time_s, time.monotonic()
         result = self._sequence().run(self._spec.task, self._planner_rng)
         executed = time.monotonic()
         verdict = self._judge(result)
@@ -175,14 +103,14 @@ class _Trial:
         return TrialRecord(
             index=self._spec.index,
             seed=self._spec.seed,
-            mug=self._spec.mug,
-            mug_diameter_m=self._mug.outer_diameter_m,
+            mug=self._setup.mug.body.name,
+            mug_diameter_m=self._setup.mug.outer_diameter_m,
             outcome=SUCCESS if verdict.success else result.stage or Stage.PLACEMENT,
             reason=verdict.reason,
             attempts=tuple(_attempt_record(attempt) for attempt in result.attempts),
-            redraws=dict(Counter(start.redraws)),
+            redraws=dict(self._setup.redraws),
             seconds={
-                "start": set_up - begun,
+                "start": begun - self._begun,
                 "perception": result.perception_s,
                 "planning": result.planning_s,
                 "execution": result.execution_s,
@@ -192,13 +120,8 @@ class _Trial:
             recording=self._save_recording(verdict),
         )
 
-    def _make_detector(self) -> PoseDetector:
-        if self._spec.detector == "split":
-            return _split_detector(self._spec.checkpoint)
-        return OracleDetector(self._truth, self._mug, _grasp_labels(self._spec.mug))
-
     def _sequence(self) -> Sequencer:
-        planner: Planner = _planner(self._spec.planner)
+        planner = planner_named(self._spec.planner)
         if self._recorder:
             planner = _ShowingPlanner(planner, self._recorder)
         executor = Executor(self._station, on_step=self._on_step if self._recorder else None)
@@ -224,9 +147,11 @@ class _Trial:
         if not result.completed:
             return Verdict(False, result.reason)
         if self._spec.task is Subgoal.REORIENT:
-            return reorient_verdict(self._station, self._truth)
-        released_s = self._station.time_s - _time_since_release(result)
-        return hang_verdict(self._station, self._truth, self._mug, released_s)
+            return reorient_verdict(self._station, self._setup.truth)
+        execution = result.attempts[-1].execution
+        assert execution is not None  # the sequence was completed
+        released_s = self._station.time_s - execution.since_release_s
+        return hang_verdict(self._station, self._setup.truth, self._setup.mug, released_s)
 
     def _save_recording(self, verdict: Verdict) -> str | None:
         wanted = self._spec.record == "all" or not verdict.success
@@ -235,15 +160,6 @@ class _Trial:
         name = f"recordings/{self._spec.index:03d}.html"
         self._recorder.save(self._spec.folder / name)
         return name
-
-
-def _time_since_release(result: SequenceResult) -> float:
-    """Return the simulated seconds since the last plan's fingers had opened."""
-    execution = result.attempts[-1].execution
-    assert execution is not None
-    names = [log.name for log in execution.logs]
-    after = len(names) - names[::-1].index(SegmentName.OPEN)
-    return sum(log.duration_s for log in execution.logs[after:])
 
 
 def _attempt_record(attempt: Attempt) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Drawing how an object lies on the table when a trial starts."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,20 +39,32 @@ class Start:
     redraws: tuple[str, ...]
 
 
+class NoStartError(RuntimeError):
+    """No draw came to rest as wanted.
+
+    Attributes:
+        redraws: why each draw was rejected.
+    """
+
+    def __init__(self, name: str, redraws: Sequence[str]) -> None:
+        super().__init__(f"{len(redraws)} starts of {name} were all rejected: {set(redraws)}")
+        self.redraws = tuple(redraws)
+
+
 def draw_start(
     station: Station,
     truth: Truth,
     rng: np.random.Generator,
     reject: Callable[[Array], str],
     index: int = 0,
-    max_draws: int = 100,
+    max_draws: int = 30,
 ) -> Start:
     """Drop object `index` until it comes to rest in the workspace as `reject` wants it.
 
     Args:
         reject: takes X_WO at rest and returns why to draw again, or an empty string.
 
-    Raises RuntimeError where `max_draws` draws were all rejected.
+    Raises NoStartError where `max_draws` draws were all rejected.
     """
     item, workspace = station.objects[index], station.config.layout.workspace
     redraws: list[str] = []
@@ -65,7 +77,7 @@ def draw_start(
         if not fault:
             return Start(X_WO, tuple(redraws))
         redraws.append(fault)
-    raise RuntimeError(f"{max_draws} starts of {item.name} were all rejected: {set(redraws)}")
+    raise NoStartError(item.name, redraws)
 
 
 def draw_drop(item: RigidObject, workspace: Workspace, rng: np.random.Generator) -> Array:

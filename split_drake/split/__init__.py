@@ -1,1 +1,1 @@
-"""SPLIT: an SE(3)-diffusion model that finds poses by the geometry around them (paper section IV)."""
+"""SPLIT: an SE(3)-diffusion model that finds poses by the geometry around them (paper IV)."""
