@@ -100,9 +100,9 @@ class LangevinConfig:
         final_sigma: noise level of those steps.
     """
 
-    steps: int = 25
-    step_scale: float = 1.0
-    temperature: float = 0.3
+    steps: int = 20
+    step_scale: float = 1.6
+    temperature: float = 0.2
     final_steps: int = 2
     final_sigma: float = 0.06
 

@@ -1,0 +1,24 @@
+"""The README's example runs as it stands."""
+
+import re
+from pathlib import Path
+
+from split_drake.data.mugs import load_mug
+from split_drake.data.render import DepthRenderer
+from split_drake.layout import Layout
+from split_drake.pose_set import PoseSet
+from split_drake.poses import make_pose
+
+README = Path(__file__).parents[1] / "README.md"
+
+
+def test_the_example_finds_grasps() -> None:
+    (example,) = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
+    camera = Layout().cameras[1]
+    renderer = DepthRenderer(load_mug("test_004").body.mesh)
+    view = renderer.render(make_pose(p=(0.5, 0.0, 0.0)), camera)
+    names = {"depth_m": view.depth_m, "X_WC": camera.X_WC}
+    exec(example, names)
+    grasps = names["grasps"]
+    assert isinstance(grasps, PoseSet)
+    assert len(grasps) > 0
