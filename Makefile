@@ -3,8 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 # Drake's wheel needs glib to be imported; depth rendering needs EGL with Mesa's software driver.
-DEBIAN_PACKAGES := libglib2.0-0 libegl1 libgl1-mesa-dri
-LIBRARIES := libglib-2.0.so.0 libEGL.so.1 libEGL_mesa.so.0
+# Each library is looked for by loading it, since Ubuntu renames some packages.
+NEEDED := libglib-2.0.so.0:libglib2.0-0 libEGL.so.1:libegl1
 
 export OMP_WAIT_POLICY := PASSIVE
 
@@ -19,14 +19,16 @@ $(VENV)/.ready: pyproject.toml | system-libraries
 	touch $@
 
 system-libraries:
-	@missing=""; for library in $(LIBRARIES); do \
-	  ldconfig -p | grep -q "$$library" || missing="$$missing $$library"; done; \
+	@missing=""; for needed in $(NEEDED); do \
+	  $(PYTHON) -c "import ctypes; ctypes.CDLL('$${needed%%:*}')" 2>/dev/null \
+	    || missing="$$missing $${needed##*:}"; done; \
+	dpkg -s libgl1-mesa-dri >/dev/null 2>&1 || missing="$$missing libgl1-mesa-dri"; \
+	$(PYTHON) -c "import ensurepip" 2>/dev/null || missing="$$missing python3-venv"; \
 	if [ -z "$$missing" ]; then exit 0; fi; \
 	if [ "$$(id -u)" = 0 ]; then \
-	  apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN_PACKAGES); \
+	  apt-get update -qq && apt-get install -y -qq --no-install-recommends $$missing; \
 	else \
-	  echo "missing libraries:$$missing"; \
-	  echo "run: sudo apt-get install -y $(DEBIAN_PACKAGES)"; exit 1; \
+	  echo "missing Debian packages; run: sudo apt-get install -y$$missing"; exit 1; \
 	fi
 
 test: setup

@@ -2,8 +2,8 @@
 
 Each trial drops a mug on the table, looks at it with two depth cameras, detects pose sets, plans,
 executes in contact physics, and judges.  The output folder holds config.json, trials.jsonl (a line
-as each trial ends), summary.json, recordings/*.html and index.html.  The same --out goes on where
-an interrupted run stopped.
+as each trial ends), summary.json, recordings/*.html, poses/*.npz (each perception, for
+`scenarios.view_poses`) and index.html.  The same --out goes on where an interrupted run stopped.
 """
 
 import json
@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from planning.planner import planner_names
-from scenarios.files import write_json
+from scenarios.files import write_atomically, write_json
 from scenarios.pool import WorkerPool
 from scenarios.provenance import file_sha256, git_commit, package_versions
 from scenarios.records import Rate, TrialRecord, read_records
@@ -42,7 +42,7 @@ class MugHangOptions:
         checkpoint: weights of SPLIT; those that ship with the project where not given.
         noise_m: standard deviation of the noise on the sampled points.
         workers: processes; outcomes do not depend on them.
-        record: which trials keep a recording.
+        record: which trials keep a recording and the pose sets they perceived.
         out: folder of the results; runs/mug_hang/<time> where not given.
     """
 
@@ -89,7 +89,7 @@ def run_config(options: MugHangOptions) -> dict[str, Any]:
 
 
 def open_run(folder: Path, config: dict[str, Any]) -> list[TrialRecord]:
-    """Write config.json and return the records that the folder holds already.
+    """Write config.json and return the records of trials asked for that the folder holds already.
 
     Raises ValueError where they were made with other options, weights or code.
     """
@@ -104,7 +104,17 @@ def open_run(folder: Path, config: dict[str, Any]) -> list[TrialRecord]:
         if changed:
             raise ValueError(f"{folder} holds another run ({'; '.join(changed)}); choose an --out")
     write_json(path, config)
-    return read_records(folder / "trials.jsonl")
+    log = folder / "trials.jsonl"
+    records = read_records(log)
+    # A kill may have cut off the last line; what is appended must start on one of its own.
+    write_atomically(log, "".join(record.to_json() + "\n" for record in records))
+    return [record for record in records if record.index < config["trials"]]
+
+
+def earlier_wall_s(folder: Path) -> float:
+    """Return the wall time that the run has taken before."""
+    path = folder / "summary.json"
+    return float(json.loads(path.read_text())["wall_s"]) if path.exists() else 0.0
 
 
 def run_missing(
@@ -135,7 +145,7 @@ def main(options: MugHangOptions) -> Path:
     started = time.monotonic()
     folder = options.out or Path("runs/mug_hang") / datetime.now().strftime("%Y%m%d-%H%M%S")
     config = run_config(options)
-    records = open_run(folder, config)
+    records, before_s = open_run(folder, config), earlier_wall_s(folder)
     done = {record.index for record in records}
     specs = [TrialSpec.of(options, i, folder) for i in range(options.trials) if i not in done]
     try:
@@ -145,7 +155,7 @@ def main(options: MugHangOptions) -> Path:
         console.print(f"interrupted; --out {folder} goes on from here")
     finally:
         records.sort(key=lambda record: record.index)
-        write_report(folder, records, config, time.monotonic() - started)
+        write_report(folder, records, config, before_s + time.monotonic() - started)
     print_report(console, records, run_title(config))
     console.print(f"results: {folder / 'index.html'}")
     return folder

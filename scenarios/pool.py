@@ -1,7 +1,7 @@
 """Running trials in worker processes, whatever becomes of a worker."""
 
 import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Generic, TypeVar
@@ -13,8 +13,9 @@ Result = TypeVar("Result")
 class WorkerPool(Generic[Item, Result]):
     """Applies a function to items in processes, and yields results as they arrive.
 
-    A worker that dies (a crash in native code, or killed for memory) costs the items that were
-    running, no others: they are given to `on_crash`, and the pool starts anew.
+    A worker that dies (a crash in native code, or killed for memory) takes down the items that run
+    beside it.  They are run again one at a time, so that only an item that dies alone is given to
+    `on_crash`, whatever the number of workers.
     """
 
     def __init__(
@@ -33,31 +34,32 @@ class WorkerPool(Generic[Item, Result]):
         """Yield one result an item, in order of completion."""
         waiting = list(reversed(items))
         while waiting:
-            yield from self._run_until_crash(waiting)
+            suspects = yield from self._run_until_crash(waiting, self._workers)
+            for suspect in suspects:
+                if (yield from self._run_until_crash([suspect], workers=1)):
+                    yield self._on_crash(suspect)
 
-    def _run_until_crash(self, waiting: list[Item]) -> Iterator[Result]:
-        """Take items off the end of `waiting`; return when it is empty or a worker died."""
+    def _run_until_crash(
+        self, waiting: list[Item], workers: int
+    ) -> Generator[Result, None, list[Item]]:
+        """Take items off the end of `waiting`, yielding results, until a worker dies.
+
+        Returns the items that were lost with it; none where no worker died.
+        """
         context = multiprocessing.get_context("spawn")  # Drake and PyTorch do not survive a fork
-        executor = ProcessPoolExecutor(self._workers, mp_context=context)
+        executor = ProcessPoolExecutor(workers, mp_context=context)
         running: dict[Future[Result], Item] = {}
         try:
             while waiting or running:
-                while waiting and len(running) < self._workers:
-                    item = waiting.pop()
-                    running[executor.submit(self._function, item)] = item
+                while waiting and len(running) < workers:
+                    running[executor.submit(self._function, waiting[-1])] = waiting[-1]
+                    waiting.pop()
                 done, _ = wait(running, return_when=FIRST_COMPLETED)
-                if any(isinstance(future.exception(), BrokenProcessPool) for future in done):
-                    yield from self._collect_after_crash(running)
-                    return
                 for future in done:
-                    del running[future]
                     yield future.result()
+                    del running[future]
+        except BrokenProcessPool:
+            return list(running.values())
         finally:
             executor.shutdown(wait=False, cancel_futures=True)
-
-    def _collect_after_crash(self, running: dict[Future[Result], Item]) -> Iterator[Result]:
-        for future, item in running.items():
-            if isinstance(future.exception(), BrokenProcessPool):
-                yield self._on_crash(item)
-            else:
-                yield future.result()
+        return []

@@ -66,7 +66,7 @@ def set_up(spec: TrialSpec, rng: np.random.Generator) -> Setup:
             continue
         redraws.update(start.redraws)
         return Setup(mug, station, truth, redraws, recorder)
-    raise NoStartError(f"all mugs of {spec.mugs}", list(redraws))
+    raise NoStartError(f"all mugs of {spec.mugs}", list(redraws.elements()))
 
 
 def make_detector(spec: TrialSpec, setup: Setup) -> PoseDetector:

@@ -26,7 +26,8 @@ from scenarios.records import SUCCESS, TrialRecord
 from scenarios.trial_setup import make_detector, planner_named, set_up
 from scenarios.trial_spec import TrialSpec
 from split_drake.data.mugs import load_mug
-from split_drake.pose_set import PoseSet, PoseTask
+from split_drake.objects import MugShape
+from split_drake.pose_set import PoseSet, PoseTask, save_pose_sets
 from split_drake.scene import Scene
 from split_drake.verdicts import Verdict, hang_verdict, reorient_verdict
 
@@ -34,20 +35,23 @@ from split_drake.verdicts import Verdict, hang_verdict, reorient_verdict
 def run_trial(spec: TrialSpec) -> TrialRecord:
     """Run a trial.  One that throws is recorded as a simulator error, with its traceback."""
     logging.getLogger("drake").setLevel(logging.WARNING)
+    mug = load_mug(spec.mug_names()[0])
     try:
-        return _Trial(spec).run()
+        trial = _Trial(spec)
+        mug = trial.setup.mug
+        return trial.run()
     except Exception as error:
         failure = f"{type(error).__name__}: {error}"
-        return _failed_trial(spec, failure, traceback.format_exc())
+        return _failed_trial(spec, mug, failure, traceback.format_exc())
 
 
 def crashed_trial(spec: TrialSpec) -> TrialRecord:
     """Return the record of a trial whose process died."""
-    return _failed_trial(spec, "the worker process died", None)
-
-
-def _failed_trial(spec: TrialSpec, reason: str, trace: str | None) -> TrialRecord:
     mug = load_mug(spec.mug_names()[0])
+    return _failed_trial(spec, mug, "the worker process died", None)
+
+
+def _failed_trial(spec: TrialSpec, mug: MugShape, reason: str, trace: str | None) -> TrialRecord:
     return TrialRecord(
         index=spec.index,
         seed=spec.seed,
@@ -87,10 +91,11 @@ class _Trial:
             np.random.default_rng(child) for child in children
         )
         self._begun = time.monotonic()
-        self._setup = set_up(spec, self._start_rng)
-        self._station, self._recorder = self._setup.station, self._setup.recorder
-        self._detector = make_detector(spec, self._setup)
+        self.setup = set_up(spec, self._start_rng)
+        self._station, self._recorder = self.setup.station, self.setup.recorder
+        self._detector = make_detector(spec, self.setup)
         self._lifting = False
+        self._perceived: list[tuple[Scene, dict[PoseTask, PoseSet]]] = []
 
     def run(self) -> TrialRecord:
         if self._recorder:
@@ -103,12 +108,12 @@ class _Trial:
         return TrialRecord(
             index=self._spec.index,
             seed=self._spec.seed,
-            mug=self._setup.mug.body.name,
-            mug_diameter_m=self._setup.mug.outer_diameter_m,
+            mug=self.setup.mug.body.name,
+            mug_diameter_m=self.setup.mug.outer_diameter_m,
             outcome=SUCCESS if verdict.success else result.stage or Stage.PLACEMENT,
             reason=verdict.reason,
             attempts=tuple(_attempt_record(attempt) for attempt in result.attempts),
-            redraws=dict(self._setup.redraws),
+            redraws=dict(self.setup.redraws),
             seconds={
                 "start": begun - self._begun,
                 "perception": result.perception_s,
@@ -132,6 +137,7 @@ class _Trial:
         clean = Scene.from_views(self._station.capture(), layout.workspace)
         scene = clean.with_noise(self._spec.noise_m, self._noise_rng)
         pose_sets = self._detector.detect(scene, tasks, self._detector_rng)
+        self._perceived.append((scene, pose_sets))
         if self._recorder:
             self._recorder.show_perception(scene.p_WPs, pose_sets, self._station.time_s)
         return scene, pose_sets
@@ -147,16 +153,20 @@ class _Trial:
         if not result.completed:
             return Verdict(False, result.reason)
         if self._spec.task is Subgoal.REORIENT:
-            return reorient_verdict(self._station, self._setup.truth)
+            return reorient_verdict(self._station, self.setup.truth)
         execution = result.attempts[-1].execution
         assert execution is not None  # the sequence was completed
         released_s = self._station.time_s - execution.since_release_s
-        return hang_verdict(self._station, self._setup.truth, self._setup.mug, released_s)
+        return hang_verdict(self._station, self.setup.truth, self.setup.mug, released_s)
 
     def _save_recording(self, verdict: Verdict) -> str | None:
+        """Keep what was perceived and recorded where it is wanted; return the page's name."""
         wanted = self._spec.record == "all" or not verdict.success
         if self._recorder is None or not wanted:
             return None
+        for number, (scene, pose_sets) in enumerate(self._perceived):
+            file = f"poses/{self._spec.index:03d}-{number}.npz"
+            save_pose_sets(self._spec.folder / file, pose_sets, scene.p_WPs)
         name = f"recordings/{self._spec.index:03d}.html"
         self._recorder.save(self._spec.folder / name)
         return name

@@ -70,7 +70,7 @@ class Layout:
 
     Attributes:
         workspace: where objects are perceived.
-        cameras: depth cameras.
+        cameras: depth cameras; the paper's two views of the workspace where none are given.
         X_WK: (4, 4) pose of the hook.
         hook: its shape.
         table_size_m: edges of the table's box; its top is at z = 0.
@@ -78,10 +78,14 @@ class Layout:
     """
 
     workspace: Workspace = field(default_factory=Workspace)
-    cameras: tuple[CameraPlacement, ...] = field(default_factory=lambda: two_views(Workspace()))
+    cameras: tuple[CameraPlacement, ...] = ()
     X_WK: Array = field(
         default_factory=lambda: make_pose(rotation_x(np.radians(10.0)), (0.5, -0.38, 0.40))
     )
     hook: HookShape = field(default_factory=HookShape)
     table_size_m: tuple[float, float, float] = (0.7, 1.2, 0.05)
     p_WTable: tuple[float, float] = (0.55, 0.0)
+
+    def __post_init__(self) -> None:
+        if not self.cameras:
+            object.__setattr__(self, "cameras", two_views(self.workspace))

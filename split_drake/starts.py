@@ -47,7 +47,8 @@ class NoStartError(RuntimeError):
     """
 
     def __init__(self, name: str, redraws: Sequence[str]) -> None:
-        super().__init__(f"{len(redraws)} starts of {name} were all rejected: {set(redraws)}")
+        reasons = ", ".join(sorted(set(redraws)))
+        super().__init__(f"{len(redraws)} starts of {name} were all rejected: {reasons}")
         self.redraws = tuple(redraws)
 
 
