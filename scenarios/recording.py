@@ -42,7 +42,7 @@ class TrialRecorder:
     def start(self, time_s: float) -> None:
         """Record from `time_s`, which is now, on."""
         self._start_s = time_s
-        self.meshcat.SetCameraPose((1.15, 0.42, 0.66), (0.36, -0.16, 0.22))
+        self.meshcat.SetCameraPose((1.05, 0.36, 0.62), (0.36, -0.17, 0.20))
         for helper in ("/Grid", "/Axes"):
             self.meshcat.SetProperty(helper, "visible", False)
         self.meshcat.StartRecording(
