@@ -1,11 +1,14 @@
 """SPLIT as a detector, and its checkpoints.  Accuracy is measured by training.evaluate."""
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
 from split_drake.pose_set import PoseTask
@@ -13,6 +16,7 @@ from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import (
     CheckpointError,
     CheckpointInfo,
+    default_weights,
     load_checkpoint,
     save_checkpoint,
 )
@@ -188,3 +192,58 @@ def test_weights_of_another_architecture_are_an_error(checkpoint: Path) -> None:
     rewrite(checkpoint, version | {"info": json.dumps(values)})
     with pytest.raises(CheckpointError, match="widht"):
         load_checkpoint(checkpoint)
+
+
+@pytest.mark.parametrize(
+    "info", ["null", '"x"', "3", '{"config": null}', "{}", '{"config": []}', "{"]
+)
+def test_malformed_provenance_is_an_error(checkpoint: Path, info: str) -> None:
+    rewrite(checkpoint, {"format": "split_drake.split", "format_version": "1", "info": info})
+    with pytest.raises(CheckpointError, match="does not describe the network it holds"):
+        load_checkpoint(checkpoint)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_weights_that_are_not_finite_are_neither_loaded_nor_saved(
+    checkpoint: Path, value: float
+) -> None:
+    network, info = load_checkpoint(checkpoint)
+    tensors = load_file(checkpoint)
+    with safe_open(checkpoint, framework="pt") as file:
+        metadata = file.metadata()
+    tensors["score_head.output.bias"][2] = value
+    save_file(tensors, checkpoint, metadata)
+    with pytest.raises(CheckpointError, match=r"1 of \d+ tensors .* score_head\.output\.bias"):
+        load_checkpoint(checkpoint)
+    network.encoder.blocks[0].reduce[1].running_var[0] = value
+    before = checkpoint.read_bytes()
+    with pytest.raises(CheckpointError, match=r"running_var among them"):
+        save_checkpoint(checkpoint, network, info)
+    assert checkpoint.read_bytes() == before
+    assert [path.name for path in checkpoint.parent.iterdir()] == [checkpoint.name]
+
+
+def test_where_a_network_comes_from_is_kept(checkpoint: Path, network: SplitNetwork) -> None:
+    _, info = load_checkpoint(checkpoint)
+    assert (info.earlier_commits, info.parent) == ((), None)
+    further = replace(info, earlier_commits=("f00d",), parent={"sha256": "ab", "steps": 3})
+    save_checkpoint(checkpoint, network, further)
+    assert load_checkpoint(checkpoint)[1] == further
+
+
+def test_the_weights_of_the_project_are_usable_small_and_documented() -> None:
+    assert default_weights().stat().st_size <= 20e6
+    network, info = load_checkpoint(default_weights())
+    assert info.config == SplitConfig() == network.config
+    assert re.fullmatch(r"[0-9a-f]{64}", info.dataset_hash)
+    assert re.match(r"[0-9a-f]{40}", info.commit)
+    assert info.steps > 0
+
+
+def test_the_weights_of_the_project_tell_what_they_reached() -> None:
+    """On other data than they were trained on."""
+    _, info = load_checkpoint(default_weights())
+    assert info.metrics, "not evaluated: training.evaluate --ship records the metrics"
+    assert info.metrics["dataset_hash"] != info.dataset_hash
+    for task in TASKS:
+        assert info.metrics[task]["top_good"] > 0.5

@@ -127,6 +127,15 @@ def test_callback_sees_every_step_and_the_result() -> None:
     assert steps == list(range(config.steps + config.final_steps + 1))
 
 
+@pytest.mark.parametrize("final_sigma", [0.01, 2.0])
+def test_final_steps_outside_the_schedule_are_an_error(final_sigma: float) -> None:
+    generator = torch.Generator().manual_seed(0)
+    start = random_poses(1, generator).float()
+    config = LangevinConfig(final_sigma=final_sigma)
+    with pytest.raises(ValueError, match=f"final_sigma is {final_sigma}; .* from 0.03 to 1.5"):
+        annealed_langevin(mixture_score, start, NoiseSchedule(), config, generator, lambda p: p)
+
+
 def test_positions_are_confined() -> None:
     generator = torch.Generator().manual_seed(0)
     lowest: list[float] = []

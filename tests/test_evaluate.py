@@ -1,6 +1,7 @@
 """The evaluation of detectors against a data set's truth."""
 
-from dataclasses import dataclass, field
+import json
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,18 @@ from split_drake.data.grasps import sample_grasps
 from split_drake.data.mugs import load_mug, mug_names
 from split_drake.pose_set import PoseTask
 from split_drake.poses import Array, make_pose, rotation_x, rotation_y, rotation_z
+from split_drake.split.checkpoint import CheckpointInfo
 from split_drake.split.detector import SamplerConfig, ScoredSamples
-from split_drake.training.evaluate import EvaluateConfig, evaluate, judge_poses, metrics_table
+from split_drake.split.diffusion import LangevinConfig
+from split_drake.split.network import SplitConfig
+from split_drake.training.evaluate import (
+    EvaluateConfig,
+    evaluate,
+    metrics_table,
+    require_shippable,
+    require_unseen,
+)
+from split_drake.training.judgement import Judgement, judge_poses, outcome
 
 HALF_TURN = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -53,6 +64,14 @@ class OneMug:
         self.grasps = X_WO @ labels.X_OGs
         self.misses = X_WO @ make_pose(rotation_x(np.pi), (0.0, 0.0, 0.25))
 
+    def __len__(self) -> int:
+        return len(self.mug_index)
+
+
+@pytest.fixture(scope="module")
+def dataset() -> OneMug:
+    return OneMug()
+
 
 class KnowingDetector:
     """Ranks the truth first in scenes whose handle shows, and last in the others."""
@@ -82,8 +101,9 @@ class KnowingDetector:
         return self._dataset.grasps[np.argmin(self._dataset.grasps[:, 2, 2])]
 
 
-def test_shares_are_counted_by_rank_threshold_and_visibility(tmp_path: Path) -> None:
-    dataset = OneMug()
+def test_shares_are_counted_by_rank_threshold_and_visibility(
+    dataset: OneMug, tmp_path: Path
+) -> None:
     metrics = evaluate(
         KnowingDetector(dataset),  # type: ignore[arg-type]
         dataset,  # type: ignore[arg-type]
@@ -101,4 +121,54 @@ def test_shares_are_counted_by_rank_threshold_and_visibility(tmp_path: Path) -> 
     assert metrics["grasp"]["median_position_mm"] is None
     assert metrics["handle"]["median_position_mm"] > 50.0
     assert metrics["scenes_handle_visible"] == 1
+    assert (metrics["seed"], metrics["noise_m"]) == (0, 0.005)
+    assert metrics["sampler"]["langevin"]["temperature"] == LangevinConfig().temperature
+    assert (metrics["sampler"]["samples"], metrics["sampler"]["threshold"]) == (2, 0.3)
+    assert json.loads(json.dumps(metrics)) == metrics
     assert metrics_table(metrics).row_count == len(metrics["grasp"])
+
+
+def test_a_rejected_pose_is_not_good_even_if_right() -> None:
+    judgement = Judgement(np.array([True, False]), np.zeros(2), np.zeros(2))
+    kept, rejected = (
+        outcome(np.array([0.3, 0.2]), judgement, threshold, visible=True)
+        for threshold in (0.25, 0.4)
+    )
+    assert (kept.top_good, kept.kept) == (True, 1)
+    assert (rejected.top_good, rejected.kept) == (False, 0)
+
+
+@pytest.mark.parametrize("scenes", [0, 3])
+def test_there_must_be_as_many_scenes_as_asked_for(
+    scenes: int, dataset: OneMug, tmp_path: Path
+) -> None:
+    with pytest.raises(ValueError, match=f"scenes is {scenes}; expected 1 to the data's 2"):
+        evaluate(
+            KnowingDetector(dataset),  # type: ignore[arg-type]
+            dataset,  # type: ignore[arg-type]
+            EvaluateConfig(data=tmp_path, scenes=scenes),
+            Console(quiet=True),
+        )
+
+
+def info(commit: str = "c0ffee", **changes: object) -> CheckpointInfo:
+    """Return the provenance of a checkpoint trained on the data "train"."""
+    provenance = CheckpointInfo(SplitConfig(), {}, 0, "train", commit, steps=1, scenes=8)
+    return replace(provenance, **changes)
+
+
+def test_figures_on_training_data_are_refused() -> None:
+    require_unseen(info(), "test")
+    with pytest.raises(SystemExit, match="trained on this data"):
+        require_unseen(info(), "train")
+    with pytest.raises(SystemExit, match="trained on this data"):
+        require_unseen(info(parent={"dataset_hash": "test"}), "test")
+
+
+def test_checkpoints_of_unknown_source_are_not_shipped() -> None:
+    require_shippable(info(), allow_dirty=False)
+    require_shippable(info("c0ffee-dirty"), allow_dirty=True)
+    with pytest.raises(SystemExit, match="differed from its commit, c0ffee-dirty"):
+        require_shippable(info("c0ffee-dirty"), allow_dirty=False)
+    with pytest.raises(SystemExit, match="unknown"):
+        require_shippable(info(earlier_commits=("unknown",)), allow_dirty=True)

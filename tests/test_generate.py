@@ -114,6 +114,17 @@ def test_a_shard_depends_on_seed_and_mug_only(folder: Path, tmp_path: Path) -> N
         assert not np.array_equal(full["X_WOs"][:1], one["X_WOs"])
 
 
+def test_a_mug_that_nothing_can_grasp_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        generate_module, "feasible", lambda X_WO, X_OGs, openings_m: np.zeros(len(X_OGs), bool)
+    )
+    with pytest.raises(DatasetError, match=r"none of 200 resting poses of test_002 leaves 8 of"):
+        write_shard(config(tmp_path, scenes_per_mug=1), NAMES[0])
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_another_configuration_is_refused(folder: Path, few_mugs: pytest.MonkeyPatch) -> None:
     with pytest.raises(DatasetError, match=r"asked for .*'seed': 5"):
         generate(config(folder, seed=5))

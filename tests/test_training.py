@@ -1,67 +1,20 @@
-"""Training: batches, losses, and runs that learn, stop, and go on."""
+"""Training batches, losses, and the trainer: what a step does, and going on from a saved state."""
 
-import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from helpers_training import BATCH, NETWORK, OPTIMIZER, scenes_on_cpu
 
 from split_drake.pose_set import PoseTask
-from split_drake.poses import invert_pose, make_pose, rotation_z
+from split_drake.poses import invert_pose
 from split_drake.scene import Workspace, occupancy_grid
-from split_drake.split.checkpoint import load_checkpoint
 from split_drake.split.diffusion import displacement, move
 from split_drake.split.network import TASKS, SplitConfig
 from split_drake.training import batches, losses, trainer
-from split_drake.training.train import TrainConfig, train
-
-NETWORK = SplitConfig(channels=(4, 8, 8), context_grids=(0, 1, 3), width=32, layers=4)
-BATCH = batches.BatchConfig(scenes=4, grasps=8, handles=8, uprights=8, negatives=4)
-OPTIMIZER = trainer.OptimizerConfig(learning_rate=3e-3, warmup_steps=5)
-
-
-@dataclass(frozen=True)
-class PostScenes:
-    """Scenes of a post with a knob on one side: its top is grasped, its foot stood on the table."""
-
-    clouds: np.ndarray
-    grasps: np.ndarray
-    grasp_negatives: np.ndarray
-    handles: np.ndarray
-    uprights: np.ndarray
-    dataset_hash: str = "post"
-
-
-def make_scenes(count: int = 12) -> PostScenes:
-    """Return posts 10 cm high at random places of the default workspace, in W."""
-    rng = np.random.default_rng(0)
-    yaw = rng.uniform(0.0, 2.0 * np.pi, count)
-    p_WO = np.column_stack([rng.uniform(0.46, 0.54, count), rng.uniform(-0.04, 0.04, count)])
-    X_WO = make_pose(
-        np.stack([rotation_z(a) for a in yaw]), np.column_stack([p_WO, np.zeros(count)])
-    )
-    surface = rng.uniform((-0.02, -0.02, 0.005), (0.02, 0.02, 0.1), (2000, 3))
-    surface[:200] = rng.uniform((0.02, -0.005, 0.04), (0.05, 0.005, 0.06), (200, 3))
-    clouds = surface @ np.swapaxes(X_WO[:, :3, :3], -1, -2) + X_WO[:, None, :3, 3]
-
-    def attach(*positions: tuple[float, float, float]) -> np.ndarray:
-        return X_WO[:, None] @ make_pose(p=np.array(positions))
-
-    return PostScenes(
-        clouds=clouds.astype(np.float32),
-        grasps=attach((0.0, 0.0, 0.1), (0.0, 0.0, 0.08)),
-        grasp_negatives=attach((0.0, 0.0, 0.3)),
-        handles=attach((0.04, 0.0, 0.05)),
-        uprights=attach((0.0, 0.0, 0.0)),
-    )
-
-
-def scenes_on_cpu() -> batches.TrainingScenes:
-    """Return the scenes as tensors."""
-    cpu = torch.device("cpu")
-    return batches.TrainingScenes.from_arrays(make_scenes(), Workspace().p_WV, cpu)
 
 
 def test_voxels_are_those_of_a_scene() -> None:
@@ -184,41 +137,63 @@ def test_gradients_that_stay_infinite_stop_the_run() -> None:
     assert torch.isfinite(engine.average.score_head.output.bias).all()
 
 
-@pytest.fixture
-def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TrainConfig:
-    """Return a short run on the posts, which stand in for a data set on disk."""
-    monkeypatch.setattr(
-        "split_drake.training.train.MugDataset.open", staticmethod(lambda folder: make_scenes())
+def test_a_skipped_step_leaves_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The statistics of the batch norms are moved by the forward pass, before a step is skipped."""
+    engine = trainer.Trainer(scenes_on_cpu(), NETWORK, BATCH, OPTIMIZER, seed=0, bfloat16=False)
+    engine.take_step(0.0)
+    before = {name: value.clone() for name, value in engine.network.state_dict().items()}
+    with monkeypatch.context() as patch:
+        patch.setattr(trainer, "draw_batch", draw_batch_of_nan)
+        skipped = engine.take_step(0.0)
+    assert not torch.isfinite(skipped.total)
+    for name, value in engine.network.state_dict().items():
+        assert torch.equal(value, before[name]), name
+    assert torch.isfinite(engine.take_step(0.0).total)
+    for name, value in engine.average.state_dict().items():
+        assert torch.isfinite(value).all(), name
+
+
+def draw_batch_of_nan(*args: Any) -> batches.TrainingBatch:
+    """Return a batch whose voxels are not finite."""
+    batch = batches.draw_batch(*args)
+    return replace(batch, occupied=torch.full(batch.occupied.shape, torch.nan))
+
+
+def test_skipped_steps_are_counted_across_an_interruption(tmp_path: Path) -> None:
+    first, second = (
+        trainer.Trainer(scenes_on_cpu(), NETWORK, BATCH, OPTIMIZER, seed=0, bfloat16=False)
+        for _ in range(2)
     )
-    return TrainConfig(
-        data=tmp_path / "posts",
-        out=tmp_path / "run",
-        steps=40,
-        device="cpu",
-        log_steps=10,
-        network=NETWORK,
-        batch=BATCH,
-        optimizer=OPTIMIZER,
-    )
+    with torch.no_grad():
+        first.network.score_head.output.bias.fill_(float("nan"))
+    for _ in range(OPTIMIZER.tolerated_steps):
+        first.take_step(0.0)
+    first.save(tmp_path / "state.pt")
+    second.restore(tmp_path / "state.pt")
+    with pytest.raises(trainer.TrainingDivergedError, match="4 steps in a row"):
+        second.take_step(0.0)
 
 
-def read_curves(folder: Path) -> list[dict[str, float]]:
-    """Return the lines of a run's curves."""
-    return [json.loads(line) for line in (folder / "curves.jsonl").read_text().splitlines()]
+def test_states_that_cannot_be_used_are_errors(tmp_path: Path) -> None:
+    engine = trainer.Trainer(scenes_on_cpu(), NETWORK, BATCH, OPTIMIZER, seed=0, bfloat16=False)
+    path = tmp_path / "state.pt"
+    engine.save(path)
+    state = torch.load(path)
+    # A CUDA generator's state has 16 bytes, a CPU's 5056.
+    torch.save(state | {"generator": torch.zeros(16, dtype=torch.uint8)}, path)
+    with pytest.raises(trainer.StateError, match="another type of device"):
+        engine.restore(path)
+    torch.save({"network": {}}, path)
+    with pytest.raises(trainer.StateError, match="is no state of a run; expected adam, average"):
+        engine.restore(path)
+    torch.save(state, path)
+    for damaged in (path.read_bytes()[:-1000], b"", b"not a state"):
+        path.write_bytes(damaged)
+        with pytest.raises(trainer.StateError, match="is damaged"):
+            engine.restore(path)
 
 
-def test_a_run_learns_and_exports_its_weights(options: TrainConfig) -> None:
-    train(options)
-    curves = read_curves(options.out)
-    assert [line["step"] for line in curves] == [10, 20, 30, 40]
-    for task in TASKS:
-        assert curves[-1][task] < 0.9 * curves[0][task]
-    network, info = load_checkpoint(options.out / "split.safetensors")
-    assert (info.steps, info.scenes, info.dataset_hash) == (40, 160, "post")
-    assert network.config == NETWORK
-
-
-def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(options: TrainConfig) -> None:
+def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(tmp_path: Path) -> None:
     scenes, args = scenes_on_cpu(), (NETWORK, BATCH, OPTIMIZER)
     whole = trainer.Trainer(scenes, *args, seed=0, bfloat16=False)
     for _ in range(6):
@@ -226,7 +201,7 @@ def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(options: TrainC
     first = trainer.Trainer(scenes, *args, seed=0, bfloat16=False)
     for _ in range(3):
         first.take_step(0.5)
-    state = options.data.parent / "state.pt"
+    state = tmp_path / "state.pt"
     first.save(state)
     second = trainer.Trainer(scenes, *args, seed=7, bfloat16=False)
     second.restore(state)
@@ -235,36 +210,3 @@ def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(options: TrainC
     assert second.step == 6
     for name, value in whole.average.state_dict().items():
         assert torch.allclose(value, second.average.state_dict()[name], atol=1e-5), name
-
-
-def test_resuming_continues_the_curves(options: TrainConfig) -> None:
-    train(options)
-    train(replace(options, resume=True, steps=50))
-    assert [line["step"] for line in read_curves(options.out)] == [10, 20, 30, 40, 50]
-    with pytest.raises(SystemExit, match="other values of seed;"):
-        train(replace(options, resume=True, seed=1))
-
-
-def test_a_folder_with_a_run_is_not_overwritten(options: TrainConfig) -> None:
-    options.out.mkdir()
-    (options.out / "config.json").write_text("{}")
-    with pytest.raises(SystemExit, match="holds a run"):
-        train(options)
-    with pytest.raises(SystemExit, match="no run to resume"):
-        train(replace(options, resume=True))
-
-
-def test_a_run_can_start_from_a_checkpoint(options: TrainConfig) -> None:
-    train(options)
-    further = replace(
-        options, out=options.out / "further", init=options.out / "split.safetensors", steps=10
-    )
-    train(further)
-    start, learned = read_curves(options.out)[0], read_curves(further.out)[0]
-    assert learned["upright"] < start["upright"]
-
-
-@pytest.mark.parametrize("length", [{}, {"minutes": 1.0, "steps": 5}])
-def test_a_run_has_one_length(length: dict[str, float], tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="expected one of them"):
-        TrainConfig(data=tmp_path, out=tmp_path, **length)  # type: ignore[arg-type]

@@ -12,6 +12,7 @@ from typing import Any
 
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
+from torch import Tensor
 
 from split_drake.split.diffusion import NoiseSchedule
 from split_drake.split.network import SplitConfig, SplitNetwork
@@ -37,6 +38,9 @@ class CheckpointInfo:
         commit: of the source it was trained by.
         steps, scenes: optimiser steps, and scenes seen in them.
         metrics: what it reached, by name.
+        earlier_commits: of the sources that trained it before its run was interrupted and resumed.
+        parent: the checkpoint it started from: its sha256, commit, dataset_hash, steps and scenes;
+            None where it started from random weights.
     """
 
     config: SplitConfig
@@ -47,6 +51,8 @@ class CheckpointInfo:
     steps: int
     scenes: int
     metrics: dict[str, Any] = field(default_factory=dict)
+    earlier_commits: tuple[str, ...] = ()
+    parent: dict[str, Any] | None = None
 
 
 def default_weights() -> Path:
@@ -57,7 +63,8 @@ def default_weights() -> Path:
 def save_checkpoint(path: Path, network: SplitNetwork, info: CheckpointInfo) -> None:
     """Write `network` to `path`, atomically.
 
-    Raises ValueError where `info` describes another architecture.
+    Raises ValueError where `info` describes another architecture, CheckpointError where a weight is
+    not finite.
     """
     if network.config != info.config:
         raise ValueError(f"info describes {info.config}, the network is {network.config}")
@@ -67,6 +74,7 @@ def save_checkpoint(path: Path, network: SplitNetwork, info: CheckpointInfo) -> 
         "info": json.dumps(asdict(info)),
     }
     tensors = {name: value.cpu().contiguous() for name, value in network.state_dict().items()}
+    _require_finite(tensors, path)
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".partial", delete=False) as file:
         temporary = Path(file.name)
@@ -75,21 +83,28 @@ def save_checkpoint(path: Path, network: SplitNetwork, info: CheckpointInfo) -> 
     temporary.replace(path)
 
 
+def _require_finite(tensors: dict[str, Tensor], path: Path) -> None:
+    """Raise CheckpointError naming the tensors that hold NaN or infinite values."""
+    if bad := sorted(name for name, value in tensors.items() if not value.isfinite().all()):
+        raise CheckpointError(
+            f"{path}: {len(bad)} of {len(tensors)} tensors are not finite, {bad[0]} among them"
+        )
+
+
 def _parse_info(text: str) -> CheckpointInfo:
-    """Return the info written by `save_checkpoint`; unknown or missing keys raise TypeError."""
+    """Return the info written by `save_checkpoint`; anything else raises TypeError or KeyError."""
     values = json.loads(text)
+    if not isinstance(values, dict) or not isinstance(values["config"], dict):
+        raise TypeError(f"info is {text[:40]}; expected an object with an object 'config'")
     config = values.pop("config")
     noise = NoiseSchedule(**config.pop("noise"))
     lists = {key: tuple(value) for key, value in config.items() if isinstance(value, list)}
+    values["earlier_commits"] = tuple(values.get("earlier_commits", ()))
     return CheckpointInfo(config=SplitConfig(**(config | lists), noise=noise), **values)
 
 
-def load_checkpoint(path: Path) -> tuple[SplitNetwork, CheckpointInfo]:
-    """Return the network, ready for inference on the CPU, and its provenance.
-
-    Raises CheckpointError where the file is missing, damaged, of another program or version, or
-    where its weights don't fit the architecture it describes.
-    """
+def _read(path: Path) -> tuple[dict[str, str], dict[str, Tensor]]:
+    """Return metadata and tensors of a checkpoint of this format and version."""
     if not path.is_file():
         raise CheckpointError(f"{path} does not exist; expected a SPLIT checkpoint (.safetensors)")
     try:
@@ -107,10 +122,21 @@ def load_checkpoint(path: Path) -> tuple[SplitNetwork, CheckpointInfo]:
             f"{path} has format version {metadata.get('format_version')}; "
             f"this code reads version {FORMAT_VERSION}"
         )
+    return metadata, tensors
+
+
+def load_checkpoint(path: Path) -> tuple[SplitNetwork, CheckpointInfo]:
+    """Return the network, ready for inference on the CPU, and its provenance.
+
+    Raises CheckpointError where the file is missing, damaged, of another program or version, where
+    its weights don't fit the architecture it describes, or where they are not finite.
+    """
+    metadata, tensors = _read(path)
     try:
         info = _parse_info(metadata["info"])
         network = SplitNetwork(info.config)
         network.load_state_dict(tensors)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise CheckpointError(f"{path} does not describe the network it holds: {error}") from error
+    _require_finite(tensors, path)
     return network.eval(), info

@@ -28,9 +28,10 @@ class SamplerConfig:
         langevin: the dynamics.
         start_margin_m: the samples start uniformly in the box around the scene's points, widened by
             this much.
-        threshold: poses that the evaluator gives a lower probability are rejected.  It was trained
-            to accept poses perturbed less than at time 0.3 of the schedule (`BatchConfig`); its
-            focal loss keeps probabilities near a half, and this rejects about one pose in twenty.
+        threshold: poses that the evaluator scores lower are rejected.  It was trained to accept
+            poses perturbed by less than `BatchConfig.evaluator_limit`; its focal loss keeps scores
+            near a half, so that they rank poses but are no probabilities.  This threshold rejects a
+            few poses in a hundred.
     """
 
     samples: int = 256
@@ -42,7 +43,7 @@ class SamplerConfig:
         if self.samples < 1:
             raise ValueError(f"samples is {self.samples}; expected at least 1")
         if not 0.0 <= self.threshold < 1.0:
-            raise ValueError(f"threshold is {self.threshold}; expected a probability below 1")
+            raise ValueError(f"threshold is {self.threshold}; expected a score from 0, below 1")
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class ScoredSamples:
 
     Attributes:
         X_WPs: (N, 4, 4) poses in W, in no order.
-        scores: (N,) the evaluator's probability that each is right.
+        scores: (N,) in [0, 1], the evaluator's; higher is better.
     """
 
     X_WPs: Array

@@ -9,10 +9,15 @@ and its gradient with respect to a motion [v / length, omega] of X~ in its own f
 
     [-R~^T (p~ - p) / length, -Log(R^T R~)] / sigma^2.
 
-The paper couples rotation and translation through the exponential of SE(3); its target then needs
-the Jacobian of that map (the paper takes it from automatic differentiation).  The uncoupled kernel
-has this closed form, and one step along it leads back to X exactly.  The paper's covariance
-``sigma I`` is read as ``sigma^2 I``, as which it is sampled.
+Differs from the paper:
+- Rotation and translation are not coupled through the exponential of SE(3): the noise and each step
+  are of SO(3) x R^3.  The coupled target needs the Jacobian of that map, which the paper takes from
+  automatic differentiation; this one has the closed form above, and a step along it leads to X.
+- sigma is from 0.03 to 1.5, not 0.02 to 0.1, whose units are left open: rotations start uniform on
+  SO(3), where 0.1 rad is no noise.
+- 20 noisy steps at temperature 0.2, then 2 without noise, instead of 100 at temperature 1: what is
+  wanted are the modes, and quickly, not the whole density.
+- The covariance ``sigma I`` is read as ``sigma^2 I``, as which it is sampled.
 """
 
 import math
@@ -97,7 +102,8 @@ class LangevinConfig:
         temperature: factor on the injected noise; 1 samples the learned density, less favours its
             modes.
         final_steps: noise-free steps at the end, each to the mean that the score points at.
-        final_sigma: noise level of those steps.
+        final_sigma: noise level of those steps, within the schedule that the network was trained
+            for (`annealed_langevin` checks it).
     """
 
     steps: int = 20
@@ -136,7 +142,14 @@ def annealed_langevin(
         confine: applied to the positions (..., 3) after each step: the score outside the scene is
             not defined.
         callback: sees the poses before each step, and those returned.
+
+    Raises ValueError where the final steps are at a noise level outside the schedule.
     """
+    if config.final_steps and not schedule.sigma_min <= config.final_sigma <= schedule.sigma_max:
+        raise ValueError(
+            f"final_sigma is {config.final_sigma}; the score was trained for noise from "
+            f"{schedule.sigma_min} to {schedule.sigma_max}"
+        )
     sigmas = schedule.descending(config.steps) + [config.final_sigma] * config.final_steps
     for step, sigma in enumerate(sigmas):
         if callback is not None:

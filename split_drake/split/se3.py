@@ -1,15 +1,11 @@
-"""Rotations and rigid motions as tensors: exponential, logarithm, uniform sampling.
+"""Rotations and poses as tensors: exponential, logarithm, composition, uniform sampling.
 
-Tangent vectors are ``[v, omega]``, translation first, as in Sola's "A micro Lie theory" which the
-paper follows (section III-B); `to_spatial_vector` converts to Drake's ``[omega, v]``.  Functions
+Formulas and names follow Sola's "A micro Lie theory", as the paper does (section III-B).  Functions
 take any batch shape and keep the type and device of their argument.
 """
 
 import torch
 from torch import Tensor
-
-# Below this angle (theta - sin theta) / theta^3 loses digits to cancellation; its series does not.
-_SERIES_ANGLE_RAD = 0.3
 
 
 def hat(omega: Tensor) -> Tensor:
@@ -64,19 +60,6 @@ def so3_log(R: Tensor) -> Tensor:
     return v * torch.where(tiny, torch.full_like(ratio, 2.0), ratio)
 
 
-def left_jacobian(omega: Tensor) -> Tensor:
-    """Return V(omega) (..., 3, 3), which carries v to the translation of Exp([v, omega])."""
-    angle = torch.linalg.vector_norm(omega, dim=-1)[..., None, None]
-    squared = angle * angle
-    small = angle < _SERIES_ANGLE_RAD
-    series = 1 / 6 - squared / 120 + squared**2 / 5040 - squared**3 / 362880
-    safe = torch.where(small, torch.ones_like(angle), angle)
-    cubic = torch.where(small, series, (safe - torch.sin(safe)) / safe**3)
-    K = hat(omega)
-    identity = torch.eye(3, dtype=omega.dtype, device=omega.device)
-    return identity + 0.5 * _sinc(angle / 2.0) ** 2 * K + cubic * (K @ K)
-
-
 def compose(R: Tensor, p: Tensor) -> Tensor:
     """Return poses (..., 4, 4) with rotations `R` (..., 3, 3) and translations `p` (..., 3)."""
     X = R.new_zeros((*R.shape[:-2], 4, 4))
@@ -86,19 +69,6 @@ def compose(R: Tensor, p: Tensor) -> Tensor:
     return X
 
 
-def se3_exp(xi: Tensor) -> Tensor:
-    """Return rigid motions (..., 4, 4) for tangent vectors `xi` = [v, omega] (..., 6)."""
-    v, omega = xi[..., :3], xi[..., 3:]
-    return compose(so3_exp(omega), (left_jacobian(omega) @ v[..., None])[..., 0])
-
-
-def se3_log(X: Tensor) -> Tensor:
-    """Return tangent vectors [v, omega] (..., 6) of motions (..., 4, 4); |omega| <= pi."""
-    omega = so3_log(X[..., :3, :3])
-    v = torch.linalg.solve(left_jacobian(omega), X[..., :3, 3, None])[..., 0]
-    return torch.cat([v, omega], -1)
-
-
 def uniform_rotations(shape: tuple[int, ...], generator: torch.Generator) -> Tensor:
     """Return rotations (*shape, 3, 3), uniform on SO(3), from normal quaternions."""
     q = torch.randn((*shape, 4), generator=generator, device=generator.device)
@@ -106,8 +76,3 @@ def uniform_rotations(shape: tuple[int, ...], generator: torch.Generator) -> Ten
     w, v = q[..., :1], q[..., 1:]
     K = hat(v)
     return torch.eye(3, device=q.device) + 2.0 * w[..., None] * K + 2.0 * (K @ K)
-
-
-def to_spatial_vector(xi: Tensor) -> Tensor:
-    """Return Drake's spatial vectors [omega, v] for tangent vectors [v, omega] (..., 6)."""
-    return torch.cat([xi[..., 3:], xi[..., :3]], -1)

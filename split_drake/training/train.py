@@ -2,7 +2,10 @@
 
 Writes into the output folder: ``split.safetensors`` (the averaged weights, usable at any time),
 ``curves.jsonl`` (a line every `log_steps` steps), ``config.json``, and ``state.pt``, from which
-``--resume`` goes on after an interruption.
+``--resume`` goes on after an interruption, on the same type of device.
+
+Only runs with ``--steps`` are reproducible: with ``--minutes`` the learning rate falls as time
+passes, however many steps that makes.
 """
 
 import json
@@ -11,20 +14,22 @@ import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 import tyro
 from rich.console import Console
 from rich.progress import Progress
 
-from split_drake.data.dataset import MugDataset
+from split_drake.data.dataset import MugDataset, file_sha256
 from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
 from split_drake.split.network import TASKS, SplitConfig
 from split_drake.training.batches import BatchConfig, TrainingScenes
+from split_drake.training.interruption import Interruption
 from split_drake.training.losses import Losses
-from split_drake.training.trainer import OptimizerConfig, Trainer
+from split_drake.training.run_folder import RunFolder
+from split_drake.training.trainer import OptimizerConfig, StateError, Trainer
 
 
 @dataclass(frozen=True)
@@ -39,7 +44,7 @@ class TrainConfig:
         device: "auto" takes CUDA where there is one.
         bfloat16: compute matrix products and fine convolutions in that type.
         seed: of weights and batches.
-        resume: go on with the run in `out`; only its length and device may be given anew.
+        resume: go on with the run in `out`; only its length may be given anew.
         init: checkpoint to take the first weights from.
         log_steps: steps averaged in one line of the curves.
         save_minutes: time between two saved states.
@@ -81,9 +86,12 @@ class TrainConfig:
         return trainer.elapsed_s / (60.0 * self.minutes)
 
     def record(self) -> dict[str, object]:
-        """Return the options as JSON values, without those that do not change the outcome."""
+        """Return the options as JSON values, without those that do not change the outcome.
+
+        Data and first weights are recorded by their hashes, not by where they were.
+        """
         options = asdict(self)
-        for key in ("resume", "out", "data", "log_steps", "save_minutes"):
+        for key in ("resume", "out", "data", "init", "log_steps", "save_minutes"):
             del options[key]
         return json.loads(json.dumps(options, default=str))
 
@@ -100,81 +108,91 @@ def source_commit() -> str:
     return result.stdout.strip()
 
 
+def parent_record(path: Path, info: CheckpointInfo) -> dict[str, Any]:
+    """Return what `CheckpointInfo.parent` tells of the checkpoint in `path`."""
+    return {
+        "sha256": file_sha256(path),
+        "commit": info.commit,
+        "dataset_hash": info.dataset_hash,
+        "steps": info.steps,
+        "scenes": info.scenes,
+    }
+
+
 class Run:
     """A training run in its output folder."""
 
     def __init__(self, config: TrainConfig, dataset: MugDataset, console: Console) -> None:
         self._config, self._console = config, console
+        self._folder = RunFolder(config.out)
         self._dataset_hash = dataset.dataset_hash
         self._commit = source_commit()
+        self._earlier_commits: tuple[str, ...] = ()
+        self._parent: dict[str, Any] | None = None
         scenes = TrainingScenes.from_arrays(dataset, Workspace().p_WV, config.torch_device())
         self._trainer = Trainer(
             scenes, config.network, config.batch, config.optimizer, config.seed, config.bfloat16
         )
-        self._prepare_folder()
+        if config.init is not None:
+            self._start_from(config.init)
+        options = config.record() | {"dataset_hash": self._dataset_hash, "parent": self._parent}
+        if self._folder.take_up(options, config.resume):
+            self._go_on()
         self._console.print(
             f"{len(scenes)} scenes on {scenes.p_VSs.device}, "
             f"{sum(p.numel() for p in self._trainer.network.parameters()) / 1e6:.2f} M parameters"
         )
 
-    def _prepare_folder(self) -> None:
-        """Take up the run in the folder, or start one; never overwrite another."""
-        config, folder = self._config, self._config.out
-        options = config.record() | {"dataset_hash": self._dataset_hash}
-        options_file, state_file = folder / "config.json", folder / "state.pt"
-        if config.resume:
-            if not state_file.exists():
-                raise SystemExit(f"{state_file} does not exist: there is no run to resume")
-            self._require_same(json.loads(options_file.read_text()), options)
-            self._trainer.restore(state_file)
-            self._console.print(f"resumed at step {self._trainer.step}")
-            return
-        if options_file.exists():
-            raise SystemExit(f"{folder} holds a run; --resume it, or choose another folder")
-        folder.mkdir(parents=True, exist_ok=True)
-        options_file.write_text(json.dumps(options, indent=1))
-        if config.init is not None:
-            network, _ = load_checkpoint(config.init)
-            if network.config != config.network:
-                raise SystemExit(f"{config.init} holds another architecture: {network.config}")
-            self._trainer.start_from(network)
+    def _start_from(self, path: Path) -> None:
+        """Take over the weights of a checkpoint."""
+        network, info = load_checkpoint(path)
+        if network.config != self._config.network:
+            raise SystemExit(f"{path} holds another architecture: {network.config}")
+        self._trainer.start_from(network)
+        self._parent = parent_record(path, info)
 
-    def _require_same(self, before: dict[str, object], now: dict[str, object]) -> None:
-        """Exit where a resumed run would not be the same; its length and device may change."""
-        keys = (before.keys() | now.keys()) - {"minutes", "steps", "device"}
-        if changed := sorted(key for key in keys if before.get(key) != now.get(key)):
-            raise SystemExit(
-                f"the run in {self._config.out} has other values of {', '.join(changed)}; "
-                "resume it with the options and data it was started with"
-            )
+    def _go_on(self) -> None:
+        """Take up the state in the folder, and what its weights say of the commits before."""
+        try:
+            self._trainer.restore(self._folder.state)
+        except StateError as error:
+            raise SystemExit(str(error)) from error
+        self._folder.cut_curves(self._trainer.step)
+        _, info = load_checkpoint(self._folder.weights)
+        commits = (*info.earlier_commits, info.commit)
+        self._earlier_commits = commits[:-1] if commits[-1] == self._commit else commits
+        self._console.print(f"resumed at step {self._trainer.step}")
 
-    def _windows(self) -> Iterator[list[Losses]]:
-        """Train to the end of the run; yield the losses of each `log_steps` steps."""
-        window: list[Losses] = []
-        while (progress := self._config.progress(self._trainer)) < 1.0:
+    def _windows(self, interruption: Interruption) -> Iterator[list[Losses]]:
+        """Train until the end or an interruption; yield the losses of each `log_steps` steps."""
+        trainer, window = self._trainer, list[Losses]()
+        while (progress := self._config.progress(trainer)) < 1.0 and not interruption.requested:
             start = time.monotonic()
-            losses = self._trainer.take_step(progress)
+            losses = trainer.take_step(progress)
+            trainer.elapsed_s += time.monotonic() - start
             window.append(Losses(losses.denoising.detach(), losses.focal.detach()))
-            if len(window) == self._config.log_steps:
+            if trainer.step % self._config.log_steps == 0:
                 yield window
                 window = []
-            self._trainer.elapsed_s += time.monotonic() - start
 
     def execute(self) -> None:
-        """Train to the end; what was reached is saved also where that is interrupted."""
+        """Train to the end; Ctrl-C ends the run after a whole step, which is saved."""
         trainer, config = self._trainer, self._config
         saved_s = trainer.elapsed_s
-        with Progress(console=self._console, disable=not self._console.is_terminal) as bar:
+        with (
+            Progress(console=self._console, disable=not self._console.is_terminal) as bar,
+            Interruption() as interruption,
+        ):
             task = bar.add_task("training", total=1.0)
-            try:
-                for window in self._windows():
-                    self._report(window)
-                    bar.update(task, completed=config.progress(trainer))
-                    if trainer.elapsed_s - saved_s > 60.0 * config.save_minutes:
-                        self._save()
-                        saved_s = trainer.elapsed_s
-            finally:
-                self._save()
+            for window in self._windows(interruption):
+                self._report(window)
+                bar.update(task, completed=config.progress(trainer))
+                if trainer.elapsed_s - saved_s > 60.0 * config.save_minutes:
+                    self._save()
+                    saved_s = trainer.elapsed_s
+            self._save()
+        if interruption.requested:
+            raise KeyboardInterrupt
 
     def _report(self, window: list[Losses]) -> None:
         """Append the means of `window` to the curves and print them."""
@@ -189,8 +207,7 @@ class Run:
             **{str(task): value for task, value in zip(TASKS, denoising, strict=True)},
             "focal": torch.stack([losses.focal for losses in window]).mean().item(),
         }
-        with (config.out / "curves.jsonl").open("a") as file:
-            file.write(json.dumps(line) + "\n")
+        self._folder.append_curves(line)
         left_min = trainer.elapsed_s / 60.0 * (1.0 / max(progress, 1e-6) - 1.0)
         self._console.print(
             f"step {trainer.step}  {line['minutes']:.1f} min, {left_min:.0f} left  "
@@ -201,9 +218,8 @@ class Run:
         )
 
     def _save(self) -> None:
-        """Write the state and the averaged weights."""
+        """Write the averaged weights, unless they are not finite, and then the state."""
         trainer, config = self._trainer, self._config
-        trainer.save(config.out / "state.pt")
         info = CheckpointInfo(
             config=config.network,
             training=config.record(),
@@ -212,8 +228,11 @@ class Run:
             commit=self._commit,
             steps=trainer.step,
             scenes=trainer.step * config.batch.scenes,
+            earlier_commits=self._earlier_commits,
+            parent=self._parent,
         )
-        save_checkpoint(config.out / "split.safetensors", trainer.average, info)
+        save_checkpoint(self._folder.weights, trainer.average, info)
+        trainer.save(self._folder.state)
 
 
 def train(config: TrainConfig, console: Console | None = None) -> None:

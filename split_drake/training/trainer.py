@@ -2,6 +2,7 @@
 
 import copy
 import math
+import pickle
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,10 @@ from split_drake.training.losses import Losses, compute_losses
 
 class TrainingDivergedError(RuntimeError):
     """Losses or gradients stopped being finite."""
+
+
+class StateError(ValueError):
+    """A file holds no state that this trainer can go on from."""
 
 
 @dataclass(frozen=True)
@@ -106,12 +111,17 @@ class Trainer:
         for group in self._adam.param_groups:
             group["lr"] = self._config.rate(self.step, progress)
         batch = draw_batch(self._scenes, self._batch, self._split, self._generator)
+        buffers = [buffer.clone() for buffer in self.network.buffers()]
         losses = compute_losses(self.network, batch, self._bfloat16)
         self._adam.zero_grad(set_to_none=True)
         losses.total.backward()
         norm = nn.utils.clip_grad_norm_(self.network.parameters(), self._config.gradient_norm)
         self._require_finite(norm, losses)
-        if self._skipped == 0:
+        if self._skipped:
+            # The forward pass has put what was not finite into the statistics of the batch norms.
+            for buffer, before in zip(self.network.buffers(), buffers, strict=True):
+                buffer.copy_(before)
+        else:
             self._adam.step()
             decay = min(self._config.average_decay, (1 + self.step) / (10 + self.step))
             update_average(self.average, self.network, decay)
@@ -138,6 +148,7 @@ class Trainer:
             "average": self.average.state_dict(),
             "adam": self._adam.state_dict(),
             "generator": self._generator.get_state(),
+            "skipped": self._skipped,
             "step": self.step,
             "elapsed_s": self.elapsed_s,
         }
@@ -146,11 +157,33 @@ class Trainer:
         Path(file.name).replace(path)
 
     def restore(self, path: Path) -> None:
-        """Go on from what `save` wrote; the configuration must be the same."""
-        device = self._scenes.p_VSs.device
-        state: dict[str, Any] = torch.load(path, map_location=device, weights_only=True)
+        """Go on from what `save` wrote; the configuration must be the same.
+
+        Raises StateError where the file is damaged, or was written on another type of device.
+        """
+        state = self._load(path)
+        generator = state["generator"].cpu()
+        if len(generator) != len(self._generator.get_state()):
+            raise StateError(
+                f"{path} was written on another type of device, whose random numbers cannot be "
+                f"continued on {self._generator.device.type}; resume the run where it was, or "
+                "start a new one from its weights"
+            )
         self.network.load_state_dict(state["network"])
         self.average.load_state_dict(state["average"])
         self._adam.load_state_dict(state["adam"])
-        self._generator.set_state(state["generator"].cpu())
+        self._generator.set_state(generator)
         self.step, self.elapsed_s = state["step"], state["elapsed_s"]
+        self._skipped = state.get("skipped", 0)  # absent where it was not counted yet
+
+    def _load(self, path: Path) -> dict[str, Any]:
+        """Return what `save` wrote, on the device of the scenes."""
+        device = self._scenes.p_VSs.device
+        try:
+            state = torch.load(path, map_location=device, weights_only=True)
+        except (RuntimeError, EOFError, OSError, pickle.UnpicklingError) as error:
+            raise StateError(f"{path} is damaged or no state of a run: {error}") from error
+        expected = {"network", "average", "adam", "generator", "step", "elapsed_s"}
+        if not isinstance(state, dict) or not expected <= state.keys():
+            raise StateError(f"{path} is no state of a run; expected {', '.join(sorted(expected))}")
+        return state

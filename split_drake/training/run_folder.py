@@ -1,0 +1,81 @@
+"""The folder of a training run: who may write into it, and what is left of an interrupted run."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+# A resumed run may be longer or shorter; the state tells whether the device fits.
+_MAY_CHANGE = {"minutes", "steps", "device"}
+
+
+class RunFolder:
+    """Options, state, curves and weights of one run.
+
+    Attributes:
+        path: of the folder.
+        config: the options that the run was started with.
+        state: from which it goes on.
+        curves: a JSON object a line, with its "step".
+        weights: the averaged weights as of the last save.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.config = path / "config.json"
+        self.state = path / "state.pt"
+        self.curves = path / "curves.jsonl"
+        self.weights = path / "split.safetensors"
+
+    def take_up(self, options: dict[str, Any], resume: bool) -> bool:
+        """Return whether there is a state to go on from; otherwise write the options of a new run.
+
+        A run of the same options that was killed before its first save starts anew.  SystemExit
+        says why the folder cannot be used: another run is never overwritten.
+        """
+        if not self.config.exists():
+            if resume or self.state.exists():
+                raise SystemExit(f"{self.config} does not exist: there is no run to resume")
+            self.path.mkdir(parents=True, exist_ok=True)
+        elif self.state.exists() and not resume:
+            raise SystemExit(f"{self.path} holds a run; --resume it, or choose another folder")
+        else:
+            self._require_same(options)
+        if self.state.exists():
+            return True
+        self._write(self.config, json.dumps(options, indent=1))
+        self.curves.unlink(missing_ok=True)
+        return False
+
+    def append_curves(self, line: dict[str, Any]) -> None:
+        """Add a line to the curves."""
+        with self.curves.open("a") as file:
+            file.write(json.dumps(line) + "\n")
+
+    def cut_curves(self, step: int) -> None:
+        """Drop what was reported beyond `step`, which the resumed run will report again."""
+        if not self.curves.exists():
+            return
+        kept = []
+        for line in self.curves.read_text().splitlines(keepends=True):
+            # Only the last line can lack its end, where the run was killed as it wrote it.
+            if not line.endswith("\n") or json.loads(line)["step"] > step:
+                break
+            kept.append(line)
+        self._write(self.curves, "".join(kept))
+
+    def _require_same(self, options: dict[str, Any]) -> None:
+        """Exit where a resumed run would not be the same."""
+        before = json.loads(self.config.read_text())
+        keys = (before.keys() | options.keys()) - _MAY_CHANGE
+        if changed := sorted(key for key in keys if before.get(key) != options.get(key)):
+            raise SystemExit(
+                f"the run in {self.path} has other values of {', '.join(changed)}; resume it with "
+                "the options and data it was started with, or choose another folder"
+            )
+
+    @staticmethod
+    def _write(path: Path, text: str) -> None:
+        """Write a file whole or not at all."""
+        partial = path.with_suffix(".partial")
+        partial.write_text(text)
+        partial.replace(path)

@@ -1,0 +1,153 @@
+"""Training runs: they learn, stop at Ctrl-C, go on, and never overwrite one another."""
+
+import json
+import signal
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from helpers_training import BATCH, NETWORK, OPTIMIZER, make_scenes
+
+from split_drake.data.dataset import file_sha256
+from split_drake.split.checkpoint import CheckpointError, default_weights, load_checkpoint
+from split_drake.split.network import TASKS
+from split_drake.training import losses, trainer
+from split_drake.training.train import TrainConfig, train
+
+
+@pytest.fixture
+def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TrainConfig:
+    """Return a short run on the posts, which stand in for a data set on disk."""
+    monkeypatch.setattr(
+        "split_drake.training.train.MugDataset.open", staticmethod(lambda folder: make_scenes())
+    )
+    return TrainConfig(
+        data=tmp_path / "posts",
+        out=tmp_path / "run",
+        steps=40,
+        device="cpu",
+        log_steps=10,
+        network=NETWORK,
+        batch=BATCH,
+        optimizer=OPTIMIZER,
+    )
+
+
+def read_curves(folder: Path) -> list[dict[str, float]]:
+    """Return the lines of a run's curves."""
+    return [json.loads(line) for line in (folder / "curves.jsonl").read_text().splitlines()]
+
+
+def test_a_run_learns_and_exports_its_weights(options: TrainConfig) -> None:
+    train(options)
+    curves = read_curves(options.out)
+    assert [line["step"] for line in curves] == [10, 20, 30, 40]
+    for task in TASKS:
+        assert curves[-1][task] < 0.9 * curves[0][task]
+    network, info = load_checkpoint(options.out / "split.safetensors")
+    assert (info.steps, info.scenes, info.dataset_hash) == (40, 160, "post")
+    assert network.config == NETWORK
+
+
+def interrupt_at(step: int, patch: pytest.MonkeyPatch) -> None:
+    """Have Ctrl-C pressed in the middle of the training's step with this number."""
+    take_step = trainer.Trainer.take_step
+
+    def interrupted(engine: trainer.Trainer, progress: float) -> losses.Losses:
+        if engine.step == step:
+            signal.raise_signal(signal.SIGINT)
+        return take_step(engine, progress)
+
+    patch.setattr(trainer.Trainer, "take_step", interrupted)
+
+
+def test_a_run_resumed_after_ctrl_c_is_the_run_that_was_not_interrupted(
+    options: TrainConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = replace(options, out=options.out / "whole", steps=14, bfloat16=False)
+    broken = replace(whole, out=options.out / "broken")
+    train(whole)
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        interrupt_at(12, patch)
+        train(broken)
+    _, info = load_checkpoint(broken.out / "split.safetensors")
+    assert info.steps == 13, "the step that Ctrl-C fell into was ended, and saved"
+    train(replace(broken, resume=True))
+    expected, found = (load_checkpoint(run.out / "split.safetensors") for run in (whole, broken))
+    assert expected[1] == found[1]
+    for name, value in expected[0].state_dict().items():
+        assert torch.allclose(value, found[0].state_dict()[name], atol=1e-5), name
+
+
+def test_resuming_continues_the_curves(options: TrainConfig) -> None:
+    train(replace(options, steps=20))
+    curves = options.out / "curves.jsonl"
+    with curves.open("a") as file:
+        file.write('{"step": 30}\n{"step": 4')
+    train(replace(options, resume=True, steps=30))
+    assert [line["step"] for line in read_curves(options.out)] == [10, 20, 30]
+    assert "grasp" in read_curves(options.out)[-1], "what was beyond the state is trained again"
+    with pytest.raises(SystemExit, match="other values of seed;"):
+        train(replace(options, resume=True, seed=1))
+
+
+def test_commits_of_all_parts_of_a_run_are_kept(
+    options: TrainConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for steps, commit in enumerate(("aa", "bb", "bb", "cc"), start=1):
+        monkeypatch.setattr(
+            "split_drake.training.train.source_commit", lambda commit=commit: commit
+        )
+        train(replace(options, steps=steps, resume=steps > 1))
+    _, info = load_checkpoint(options.out / "split.safetensors")
+    assert (info.earlier_commits, info.commit) == (("aa", "bb"), "cc")
+
+
+def test_a_folder_with_a_run_is_not_overwritten(options: TrainConfig) -> None:
+    with pytest.raises(SystemExit, match="no run to resume"):
+        train(replace(options, resume=True))
+    train(replace(options, steps=1))
+    with pytest.raises(SystemExit, match="holds a run"):
+        train(options)
+    (options.out / "state.pt").write_bytes(b"")
+    with pytest.raises(SystemExit, match=r"state\.pt is damaged"):
+        train(replace(options, resume=True))
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_run_killed_before_its_first_save_starts_anew(options: TrainConfig, resume: bool) -> None:
+    train(replace(options, steps=10))
+    (options.out / "state.pt").unlink()
+    train(replace(options, steps=10, resume=resume))
+    assert [line["step"] for line in read_curves(options.out)] == [10]
+    (options.out / "state.pt").unlink()
+    with pytest.raises(SystemExit, match="other values of seed;"):
+        train(replace(options, seed=1))
+
+
+def test_a_run_can_start_from_a_checkpoint(options: TrainConfig) -> None:
+    train(options)
+    first = options.out / "split.safetensors"
+    further = replace(options, out=options.out / "further", init=first, steps=10)
+    train(further)
+    start, learned = read_curves(options.out)[0], read_curves(further.out)[0]
+    assert learned["upright"] < start["upright"]
+    _, info = load_checkpoint(further.out / "split.safetensors")
+    assert info.parent is not None
+    assert info.parent["sha256"] == file_sha256(first)
+    assert (info.parent["steps"], info.parent["dataset_hash"]) == (40, "post")
+
+
+def test_first_weights_are_checked_before_anything_is_written(options: TrainConfig) -> None:
+    with pytest.raises(CheckpointError, match="does not exist"):
+        train(replace(options, init=options.data / "absent.safetensors"))
+    with pytest.raises(SystemExit, match="another architecture"):
+        train(replace(options, init=default_weights()))
+    assert not options.out.exists()
+
+
+@pytest.mark.parametrize("length", [{}, {"minutes": 1.0, "steps": 5}])
+def test_a_run_has_one_length(length: dict[str, float], tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="expected one of them"):
+        TrainConfig(data=tmp_path, out=tmp_path, **length)  # type: ignore[arg-type]
