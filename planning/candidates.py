@@ -13,6 +13,7 @@ from split_drake.poses import Array, make_pose, rotation_error_rad
 # Poses closer together than this, in both place and rotation, are one mode of a pose set.
 MODE_DISTANCE_M = 0.01
 MODE_ANGLE_RAD = np.radians(15.0)
+IDENTITY = np.eye(4)
 
 
 class BestPairs:
@@ -49,31 +50,48 @@ class BestPairs:
         return (-float(score), row, rank)
 
 
-def distinct_modes(X_WPs: Array, count: int) -> list[int]:
-    """Return indices of at most `count` poses (N, 4, 4), best first, no two of one mode."""
+def distinct_modes(X_WPs: Array, count: int, symmetry: ArrayLike = IDENTITY) -> list[int]:
+    """Return indices of at most `count` poses (N, 4, 4), best first, no two of one mode.
+
+    Poses X and X `symmetry` are the same, for a half turn `symmetry` (4, 4) about an axis.
+    """
     chosen: list[int] = []
     for index, X in enumerate(X_WPs):
-        if not _same_mode(X_WPs[chosen], X).any():
+        if not _same_mode(turned_alike(X_WPs[chosen], X, symmetry), X).any():
             chosen.append(index)
         if len(chosen) == count:
             break
     return chosen
 
 
-def mode_means(pose_set: PoseSet, count: int) -> list[tuple[Array, float]]:
+def mode_means(
+    pose_set: PoseSet, count: int, symmetry: ArrayLike = IDENTITY
+) -> list[tuple[Array, float]]:
     """Return at most `count` modes as (mean pose (4, 4), best score), best first.
 
-    Samples scatter around what was detected; their mean, weighted by score, scatters less.
+    Samples scatter around what was detected; their mean, weighted by score, scatters less.  Poses
+    X and X `symmetry` are the same, as in `distinct_modes`.
     """
     means = []
-    for index in distinct_modes(pose_set.X_WPs, count):
-        members = _same_mode(pose_set.X_WPs, pose_set.X_WPs[index])
+    for index in distinct_modes(pose_set.X_WPs, count, symmetry):
+        X_WBest = pose_set.X_WPs[index]
+        X_WPs = turned_alike(pose_set.X_WPs, X_WBest, symmetry)
+        members = _same_mode(X_WPs, X_WBest)
         weights = pose_set.scores[members] + 1e-9
-        poses = pose_set.X_WPs[members]
-        R_WP = Rotation.from_matrix(poses[:, :3, :3]).mean(weights).as_matrix()
-        p_WP = np.average(poses[:, :3, 3], axis=0, weights=weights)
+        R_WP = Rotation.from_matrix(X_WPs[members, :3, :3]).mean(weights).as_matrix()
+        p_WP = np.average(X_WPs[members, :3, 3], axis=0, weights=weights)
         means.append((make_pose(R_WP, p_WP), float(pose_set.scores[index])))
     return means
+
+
+def turned_alike(X_WPs: Array, X_WP: Array, symmetry: ArrayLike) -> Array:
+    """Return each of the poses X (N, 4, 4) or X `symmetry`, whichever is turned more like X_WP."""
+    others = X_WPs @ np.asarray(symmetry)
+    R_WP = X_WP[:3, :3]
+    nearer = rotation_error_rad(others[:, :3, :3], R_WP) < rotation_error_rad(
+        X_WPs[:, :3, :3], R_WP
+    )
+    return np.where(nearer[:, None, None], others, X_WPs)
 
 
 def _same_mode(X_WPs: Array, X_WP: Array) -> NDArray[np.bool_]:

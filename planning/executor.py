@@ -19,6 +19,13 @@ EMPTY_OPENING_M = 0.001
 CONTACT_FORCE_N = 4.0
 # The force is not looked at while the arm gets moving, which takes force as well.
 CONTACT_AFTER_S = 0.15
+# What failed where the hand turns out to be empty after a segment.
+LOSS_STAGES = {
+    SegmentName.CLOSE: Stage.GRASP,
+    SegmentName.LIFT: Stage.GRASP,
+    SegmentName.TRANSFER: Stage.TRANSPORT,
+    SegmentName.INSERT: Stage.PLACEMENT,
+}
 
 
 class Robot(Protocol):
@@ -48,7 +55,7 @@ class SegmentLog:
 
     Attributes:
         name: of the segment.
-        duration_s: for which it was executed.
+        duration_s: for which it was executed, in simulated time.
         tracking_error_rad: largest error of any joint against its command.
         opening_m: measured at the end.
         stopped_by_contact: whether it ended early because the object touched something.
@@ -110,24 +117,22 @@ class Executor:
         self._on_step = on_step
 
     def run(self, plan: Plan) -> ExecutionResult:
-        """Execute the plan; stop where the hand turns out to be empty after closing or lifting."""
+        """Execute the plan; stop where the hand turns out to be empty while it should hold."""
         logs: list[SegmentLog] = []
         offset = np.zeros(7)
         for segment in plan.segments:
             log, offset = self._run_segment(segment, offset)
             logs.append(log)
-            if self._lost(segment):
+            if self._lost(segment.name):
                 reason = (
                     f"the hand is empty after {segment.name}: its opening is "
                     f"{1e3 * log.opening_m:.1f} mm"
                 )
-                stage = Stage.GRASP if segment.name is not SegmentName.TRANSFER else Stage.TRANSPORT
-                return ExecutionResult(False, tuple(logs), stage, reason)
+                return ExecutionResult(False, tuple(logs), LOSS_STAGES[segment.name], reason)
         return ExecutionResult(True, tuple(logs))
 
-    def _lost(self, segment: Segment) -> bool:
-        holding = segment.holding or segment.name is SegmentName.CLOSE
-        return holding and self.robot.opening_m < EMPTY_OPENING_M
+    def _lost(self, name: SegmentName) -> bool:
+        return name in LOSS_STAGES and self.robot.opening_m < EMPTY_OPENING_M
 
     def _run_segment(self, segment: Segment, offset: Array) -> tuple[SegmentLog, Array]:
         """Execute a segment that starts `offset` (7,) away; return its log and the offset left.
@@ -138,7 +143,8 @@ class Executor:
         robot, trajectory = self.robot, segment.trajectory
         sheds = segment.name in (SegmentName.TRANSIT, SegmentName.TRANSFER)
         torques, error = robot.joint_torques_nm, 0.0
-        for time, q, v in zip(trajectory.times_s, trajectory.qs, trajectory.vs, strict=True):
+        samples = zip(trajectory.times_s, trajectory.qs, trajectory.vs, strict=True)
+        for count, (time, q, v) in enumerate(samples, start=1):
             share = time / trajectory.duration_s
             left = offset * (1.0 - _smooth(share)) if sheds else offset
             opening = segment.opening_start_m + share * (
@@ -153,8 +159,10 @@ class Executor:
                 force = gripper_force(robot.q, robot.joint_torques_nm - torques)
                 if np.linalg.norm(force) > CONTACT_FORCE_N:
                     stopped = robot.q - trajectory.qs[-1]
-                    return SegmentLog(segment.name, time, error, robot.opening_m, True), stopped
-        log = SegmentLog(segment.name, trajectory.duration_s, error, robot.opening_m, False)
+                    spent_s = SAMPLE_S * count
+                    return SegmentLog(segment.name, spent_s, error, robot.opening_m, True), stopped
+        spent_s = SAMPLE_S * len(trajectory.times_s)
+        log = SegmentLog(segment.name, spent_s, error, robot.opening_m, False)
         return log, np.zeros(7) if sheds else offset
 
 

@@ -32,6 +32,8 @@ class FingerFit:
         opening_m: the opening with the most room on the whole approach.
         clearance_m: that room, at most `ENOUGH_CLEARANCE_M`.
         release_m: the widest opening that keeps some room.
+        held_width_m: of what is between the pads, taken to be as wide to either side of the grasp:
+            of one side nothing may have been seen.
         pinch_depth_m: how far the object reaches between the pads from their tips, 0 to the
             pads' length.
         stem_room_m: room between the object and the fingers' stems once the pads bear on it;
@@ -41,6 +43,7 @@ class FingerFit:
     opening_m: float
     clearance_m: float
     release_m: float
+    held_width_m: float
     pinch_depth_m: float
     stem_room_m: float
 
@@ -97,6 +100,7 @@ def fit_fingers(X_WG: Array, p_WPs: Array) -> FingerFit:
         opening_m=opening,
         clearance_m=clearance,
         release_m=float(roomy.max()),
+        held_width_m=2.0 * _half_width(p_GPs, opening),
         pinch_depth_m=_pinch_depth(p_GPs, opening),
         stem_room_m=_stem_room(p_GPs, opening),
     )
@@ -138,11 +142,15 @@ def _pinch_depth(p_GPs: Array, opening_m: float) -> float:
     return float(np.max(PAD_SIZE_M[1] / 2.0 - between, initial=0.0))
 
 
+def _half_width(p_GPs: Array, opening_m: float) -> float:
+    """Return how far what is between the pads reaches from the middle towards either."""
+    return float(np.abs(p_GPs[_between_pads(p_GPs, opening_m), 1]).max(initial=0.0))
+
+
 def _stem_room(p_GPs: Array, opening_m: float) -> float:
     """Return how far the stems stay from points between them when the pads have closed."""
     stem = finger_boxes(0.0)[2]
     recess_m = stem.lower[1]
-    width = np.abs(p_GPs[_between_pads(p_GPs, opening_m), 1]).max(initial=0.0)
     beside_stems = (
         (np.abs(p_GPs[:, 0]) < stem.upper[0])
         & (np.abs(p_GPs[:, 1]) < opening_m / 2.0 + recess_m)
@@ -150,7 +158,7 @@ def _stem_room(p_GPs: Array, opening_m: float) -> float:
         & (p_GPs[:, 2] < stem.upper[2])
     )
     bulge = np.abs(p_GPs[beside_stems, 1]).max(initial=0.0)
-    return float(width + recess_m - bulge)
+    return float(_half_width(p_GPs, opening_m) + recess_m - bulge)
 
 
 def _between_pads(p_GPs: Array, opening_m: float) -> NDArray[np.bool_]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planning.exemptions import TABLE_LIFT_M
 from planning.fingers import APPROACH_M, FingerFit
 from planning.ik import DrakeIk, IkSolutions, follow
 from planning.perceived import PerceivedObject
@@ -32,15 +33,19 @@ class Pick:
         X_WG: (4, 4) grasp.
         opening_m: of the fingers before they close.
         release_m: to which they open when they let go.
+        held_width_m: expected between the pads once they have closed.
         approach_qs: (A, 7) from the pregrasp to the grasp.
         lift_qs: (L, 7) from the grasp upwards.
+        lifting: the situation during the lift.
     """
 
     X_WG: Array
     opening_m: float
     release_m: float
+    held_width_m: float
     approach_qs: Array
     lift_qs: Array
+    lifting: Situation
 
     def held(self, p_WPs: Array) -> Array:
         """Return points (N, 3) of the object before the pick in the gripper's frame, p_GPs."""
@@ -89,10 +94,12 @@ class PickSearch:
         approach, reason = self._approach(q, X_WG, grasping)
         if approach is None:
             return None, reason
-        lift = self._lift(q, X_WG, fit)
+        lifting = self._lifting(X_WG, fit)
+        lift = self._lift(q, X_WG, lifting)
         if lift is None:
             return None, "lift"
-        return Pick(X_WG, fit.opening_m, fit.release_m, approach, lift), ""
+        widths = (fit.opening_m, fit.release_m, fit.held_width_m)
+        return Pick(X_WG, *widths, approach, lift, lifting), ""
 
     def _approach(self, q: Array, X_WG: Array, grasping: Situation) -> tuple[Array | None, str]:
         """Return (A, 7) from the furthest pregrasp that works to the grasp at `q`, or why none."""
@@ -109,11 +116,16 @@ class PickSearch:
             reason = "collision on the approach"
         return None, reason
 
-    def _lift(self, q: Array, X_WG: Array, fit: FingerFit) -> Array | None:
-        p_GHeld = transform_points(invert_pose(X_WG), self._target.p_WObstacles)
-        on_table = frozenset({AllowedContact.HELD_TABLE})
-        lifting = Situation(fit.opening_m, p_GHeld=p_GHeld, allowed=on_table)
-        clear = Situation(fit.opening_m, p_GHeld=p_GHeld)
+    def _lifting(self, X_WG: Array, fit: FingerFit) -> Situation:
+        return Situation(
+            fit.held_width_m,
+            p_GHeld=transform_points(invert_pose(X_WG), self._target.p_WObstacles),
+            table_below_m=float(X_WG[2, 3]) + TABLE_LIFT_M,
+            allowed=frozenset({AllowedContact.HELD_TABLE}),
+        )
+
+    def _lift(self, q: Array, X_WG: Array, lifting: Situation) -> Array | None:
+        clear = Situation(lifting.opening_m, p_GHeld=lifting.p_GHeld)
         for height in LIFTS_M:
             up = follow(q, straight_line(X_WG, shifted(X_WG, (0.0, 0.0, height)), LINE_STEP_M))
             if up is None or not self._world.free(up[-1:], clear)[0]:

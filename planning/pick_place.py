@@ -15,16 +15,26 @@ from planning.place import Place, PlaceSearch
 from planning.placements import Placement, placements
 from planning.planner import register_planner
 from planning.problem import Plan, PlanFailure, PlanningProblem, Stage, Subgoal
-from planning.segments import Route, plan_segments
-from planning.waypoints import backed_off, place_grasp, straight_line, with_half_turns
-from planning.world import CollisionWorld, Situation
+from planning.segments import Route, before_watch, late, plan_segments
+from planning.waypoints import (
+    HALF_TURN,
+    backed_off,
+    place_grasp,
+    shifted,
+    straight_line,
+    with_half_turns,
+)
+from planning.world import CollisionWorld, Situation, same_fixtures
 from split_drake.layout import Layout
 from split_drake.panda import Q_HOME
 from split_drake.pose_set import PoseSet, PoseTask
 from split_drake.poses import Array
 
 # Bounds of the search; the clock plays no part, so that the same seed gives the same plan.
-MAX_GRASPS = 96
+MAX_GRASPS = 256
+# Where a pose set has fewer modes than that, more of their poses are tried, at this share of their
+# score.
+REPEATED_MODE = 0.5
 MAX_PAIRS = 6000
 MAX_PLACES = 1500
 MAX_ROUTES = 12
@@ -38,7 +48,6 @@ class PickPlacePlanner:
 
     def __init__(self) -> None:
         self._ik = DrakeIk()
-        self._layout: Layout | None = None
         self._world: CollisionWorld | None = None
 
     def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
@@ -54,8 +63,8 @@ class PickPlacePlanner:
         return search.run(grasps)
 
     def _world_of(self, layout: Layout) -> CollisionWorld:
-        if self._world is None or layout is not self._layout:
-            self._layout, self._world = layout, CollisionWorld(layout)
+        if self._world is None or not same_fixtures(layout, self._world.layout):
+            self._world = CollisionWorld(layout)
         return self._world
 
 
@@ -111,11 +120,14 @@ class _Search:
         preferred = PoseSet.ranked(
             grasps.task, grasps.X_WPs, grasps.scores * balance(grasps.X_WPs, self._target)
         )
-        chosen = distinct_modes(preferred.X_WPs, MAX_GRASPS)
+        modes = distinct_modes(preferred.X_WPs, MAX_GRASPS, HALF_TURN)
+        chosen = modes + [i for i in range(len(preferred)) if i not in modes]
+        chosen = chosen[:MAX_GRASPS]
+        novelty = np.where(np.isin(chosen, modes), 1.0, REPEATED_MODE)
         details = self._target.p_WDetails
         X_WGs = np.stack([settled(X_WG, details) for X_WG in preferred.X_WPs[chosen]])
         fits = [fit_fingers(X_WG, details) for X_WG in X_WGs]
-        scores = preferred.scores[chosen] * firmness(fits)
+        scores = preferred.scores[chosen] * firmness(fits) * novelty
         return with_half_turns(X_WGs), 2 * fits, np.tile(scores, 2)
 
     def _solve_goals(self, pick: Pick) -> IkSolutions:
@@ -131,23 +143,30 @@ class _Search:
         if place is None:
             return None
         self._counts["routes"] += 1
+        goal = place.placement
         route = self._route(pick, place)
         if route is None:
             self._places.rejected["no free motion"] += 1
             return None
+        segments = plan_segments(self._world, self._target, pick, place, route)
+        if self._problem.subgoal is Subgoal.HANG:
+            segments = before_watch(segments)
+            if late(segments):
+                self._places.rejected["slow retreat"] += 1
+                return None
         return Plan(
             subgoal=self._problem.subgoal,
-            segments=plan_segments(self._world, self._target, pick, place, route),
+            segments=segments,
             X_WGrasp=pick.X_WG,
             X_WGplace=place.X_WG,
-            X_WObject=place.placement.X_WO,
-            X_WGoal=place.placement.X_WOgoal,
+            X_WObject=goal.X_WO,
+            X_WGoal=shifted(goal.X_WOgoal, (0.0, 0.0, goal.lower_to_m)),
             statistics=self._statistics(),
         )
 
     def _route(self, pick: Pick, place: Place) -> Route | None:
         """Return the motions between the straight lines, or None where one is missing."""
-        held = Situation(pick.opening_m, p_GHeld=pick.held(self._target.p_WObstacles))
+        held = Situation(pick.held_width_m, p_GHeld=pick.held(self._target.p_WObstacles))
         transfer = self._motion(pick.lift_qs[-1], place.insert_qs[0], held)
         if transfer is None:
             return None

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planning.exemptions import peg_tube
+from planning.exemptions import MAX_LOWERING_M, peg_tube
 from planning.fingers import APPROACH_M
 from planning.ik import follow
 from planning.perceived import PerceivedObject
@@ -26,12 +26,13 @@ class Place:
 
     Attributes:
         placement: what it serves.
-        X_WG: (4, 4) gripper at the goal.
+        X_WG: (4, 4) gripper where it lets go, lowered all the way.
         insert_qs: (I, 7) from the entry to the height where lowering starts.
         lower_qs: (L, 7) down to the lowest height.
         retreat_qs: (R, 7) back along the approach direction.
         p_WReleased: (N, 3) the object's points after its release.
-        inserting: the situation during insertion and lowering.
+        inserting: the situation during the insertion.
+        lowering: the situation while lowered by feel.
     """
 
     placement: Placement
@@ -41,6 +42,7 @@ class Place:
     retreat_qs: Array
     p_WReleased: Array
     inserting: Situation
+    lowering: Situation
 
 
 class PlaceSearch:
@@ -70,8 +72,9 @@ class PlaceSearch:
     def _from_configuration(
         self, q: Array, pick: Pick, placement: Placement
     ) -> tuple[Place | None, str]:
-        inserting = self._inserting(pick, placement)
-        if not self._world.free(q[None], inserting)[0]:
+        lowering = self._holding(pick, placement, placement.lower_contacts, MAX_LOWERING_M)
+        inserting = self._holding(pick, placement, placement.insert_contacts, 0.0)
+        if not self._world.free(q[None], lowering)[0]:
             return None, "collision at the goal"
         X_WG = place_grasp(placement.X_WOgoal, placement.X_WO, pick.X_WG)
         start, lowest = (
@@ -81,7 +84,7 @@ class PlaceSearch:
         lower = follow(q, polyline([start, lowest], LINE_STEP_M / 2.0))
         if lower is None:
             return None, "IK of the lowering"
-        if not self._world.path_free(lower, inserting):
+        if not self._world.path_free(lower, lowering):
             return None, "collision while lowering"
         insert = self._insertion(lower[0], X_WG, start, placement, inserting)
         if insert is None:
@@ -89,18 +92,25 @@ class PlaceSearch:
         retreat, released = self._retreat(lower[-1], lowest, pick)
         if retreat is None:
             return None, "retreat"
-        return Place(placement, X_WG, insert, lower, retreat, released, inserting), ""
+        return Place(placement, lowest, insert, lower, retreat, released, inserting, lowering), ""
 
-    def _inserting(self, pick: Pick, placement: Placement) -> Situation:
+    def _holding(
+        self,
+        pick: Pick,
+        placement: Placement,
+        contacts: frozenset[AllowedContact],
+        lowering_m: float,
+    ) -> Situation:
+        """Return the situation of the held object, lowered by up to `lowering_m`."""
         obstacles = self._target.p_WObstacles
         exempt = None
-        if AllowedContact.HELD_PEG in placement.contacts:
-            exempt = peg_tube(obstacles, placement.X_WO, placement.X_WOgoal)
+        if AllowedContact.HELD_PEG in contacts:
+            exempt = peg_tube(obstacles, placement.X_WO, placement.X_WOgoal, lowering_m)
         return Situation(
-            pick.opening_m,
+            pick.held_width_m,
             p_GHeld=pick.held(obstacles),
             peg_exempt=exempt,
-            allowed=placement.contacts,
+            allowed=contacts,
         )
 
     def _insertion(
@@ -108,8 +118,8 @@ class PlaceSearch:
     ) -> Array | None:
         """Return (I, 7) from the first entry that works to the start of the lowering, at `q`."""
         carrying = Situation(inserting.opening_m, p_GHeld=inserting.p_GHeld)
-        for entry_W in placement.entries_W:
-            out = follow(q, straight_line(X_WGstart, shifted(X_WG, entry_W), LINE_STEP_M))
+        for p_OEntry_W in placement.p_OEntries_W:
+            out = follow(q, straight_line(X_WGstart, shifted(X_WG, p_OEntry_W), LINE_STEP_M))
             if out is None or not self._world.free(out[-1:], carrying)[0]:
                 continue
             path = np.concatenate([out[::-1], q[None]])

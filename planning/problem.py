@@ -43,8 +43,9 @@ class AllowedContact(StrEnum):
     FINGERS_TARGET: fingers against the object, in the last 8 cm of the approach, while the hand
         closes and opens, and in the first 8 cm of the retreat.
     HELD_PEG: the held object against the peg, for points of the object within the tube around the
-        peg's axis that its opening leaves.
-    HELD_TABLE: the held object against the table, at lift and placement.
+        peg's axis that its opening leaves; `planning.exemptions` says which.
+    HELD_TABLE: the held object against the table, no deeper than `planning.exemptions` says, just
+        above where it is lifted from, and where it is let down by feel.
     """
 
     FINGERS_TARGET = "fingers_target"
@@ -94,6 +95,7 @@ class Segment:
         holding: whether the object is in the hand.
         allowed_contacts: the contacts it declares.
         stop_on_contact: whether the arm stops where it feels the object touch something.
+        held_width_m: expected width of what is between the pads, where they stop; 0 for nothing.
     """
 
     name: SegmentName
@@ -104,6 +106,13 @@ class Segment:
     holding: bool
     allowed_contacts: frozenset[AllowedContact] = frozenset()
     stop_on_contact: bool = False
+    held_width_m: float = 0.0
+
+    @property
+    def openings_m(self) -> tuple[float, float]:
+        """Expected distances between the pads at the start and at the end."""
+        start, end = self.opening_start_m, self.opening_end_m
+        return max(start, self.held_width_m), max(end, self.held_width_m)
 
 
 @dataclass(frozen=True)
@@ -114,9 +123,10 @@ class Plan:
         subgoal: what it is for.
         segments: in order of execution.
         X_WGrasp: (4, 4) gripper pose at CLOSE.
-        X_WGplace: (4, 4) gripper pose at OPEN.
+        X_WGplace: (4, 4) gripper pose at OPEN, lowered all the way; where contact stops the
+            lowering earlier, the hand opens higher.
         X_WObject: (4, 4) pose of the object's frame that is placed (H or U) before the pick.
-        X_WGoal: (4, 4) pose of the same frame at OPEN.
+        X_WGoal: (4, 4) pose of the same frame when the gripper is at X_WGplace.
         statistics: counts and seconds of the search, for reports.
     """
 

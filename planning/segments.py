@@ -1,13 +1,13 @@
 """From paths to the named, timed segments of a plan."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from planning.motion import timed
 from planning.perceived import PerceivedObject
 from planning.pick import Pick
 from planning.place import Place
 from planning.problem import AllowedContact, Segment, SegmentName
-from planning.timing import CAREFUL, FEELING, FREE, LOADED, Speed, rest
+from planning.timing import CAREFUL, FEELING, FREE, LOADED, SAMPLE_S, Speed, rest
 from planning.world import CollisionWorld, Situation
 from split_drake.gripper import MAX_FORCE_N
 from split_drake.poses import Array
@@ -17,9 +17,10 @@ FINGER_SPEED_M_S = 0.1
 # Commanded below zero, so that the force limit acts on whatever is between the pads.
 SQUEEZE_M = -0.05
 SETTLE_S = 0.2
+# Whether an object hangs is watched from the fourth second after its release: the arm rests then.
+MAX_AFTER_RELEASE_S = 2.9
 
 _FINGERS = frozenset({AllowedContact.FINGERS_TARGET})
-_ON_TABLE = frozenset({AllowedContact.HELD_TABLE})
 
 
 @dataclass(frozen=True)
@@ -37,25 +38,41 @@ class Route:
     away_qs: Array | None
 
 
+def executed_s(segment: Segment) -> float:
+    """Return how long a segment takes where nothing stops it: a step for each of its samples."""
+    return SAMPLE_S * len(segment.trajectory.times_s)
+
+
+def late(segments: tuple[Segment, ...]) -> bool:
+    """Return whether the arm still moves `MAX_AFTER_RELEASE_S` after the hand has opened."""
+    names = [segment.name for segment in segments]
+    after = segments[names.index(SegmentName.OPEN) + 1 :]
+    return sum(executed_s(segment) for segment in after) > MAX_AFTER_RELEASE_S
+
+
+def before_watch(segments: tuple[Segment, ...]) -> tuple[Segment, ...]:
+    """Return the segments, without the withdrawal at their end where it would last too long."""
+    withdraws = segments[-1].name is SegmentName.TRANSIT
+    return segments[:-1] if withdraws and late(segments) else segments
+
+
 def plan_segments(
     world: CollisionWorld, target: PerceivedObject, pick: Pick, place: Place, route: Route
 ) -> tuple[Segment, ...]:
     """Return the segments of a whole pick and place, in their order."""
-    opening = pick.opening_m
-    before = Situation(opening, p_WStanding=target.p_WObstacles)
-    carrying = Situation(opening, p_GHeld=pick.held(target.p_WObstacles))
+    before = Situation(pick.opening_m, p_WStanding=target.p_WObstacles)
+    carrying = Situation(pick.held_width_m, p_GHeld=pick.held(target.p_WObstacles))
     after = Situation(pick.release_m, p_WStanding=place.p_WReleased)
     grip = _Builder(world)
-    contacts = place.placement.contacts
     segments = [
         grip.empty(SegmentName.TRANSIT, route.transit_qs, FREE, before),
         grip.empty(SegmentName.APPROACH, pick.approach_qs, CAREFUL, _allowing(before, _FINGERS)),
-        _close(pick, opening),
-        grip.loaded(SegmentName.LIFT, pick.lift_qs, CAREFUL, _allowing(carrying, _ON_TABLE)),
+        _close(pick),
+        grip.loaded(SegmentName.LIFT, pick.lift_qs, CAREFUL, pick.lifting),
         grip.loaded(SegmentName.TRANSFER, route.transfer_qs, LOADED, carrying),
         grip.loaded(SegmentName.INSERT, place.insert_qs, CAREFUL, place.inserting),
-        grip.loaded(SegmentName.INSERT, place.lower_qs, FEELING, place.inserting, feel=True),
-        _open(place, pick.release_m, contacts),
+        grip.loaded(SegmentName.INSERT, place.lower_qs, FEELING, place.lowering, feel=True),
+        _open(place, pick),
         grip.empty(SegmentName.RETREAT, place.retreat_qs, CAREFUL, _allowing(after, _FINGERS)),
     ]
     if route.away_qs is not None:
@@ -98,34 +115,37 @@ class _Builder:
             holding=True,
             allowed_contacts=situation.allowed,
             stop_on_contact=feel,
+            held_width_m=situation.opening_m,
         )
 
 
 def _allowing(situation: Situation, contacts: frozenset[AllowedContact]) -> Situation:
-    return Situation(situation.opening_m, situation.p_WStanding, situation.p_GHeld, None, contacts)
+    return replace(situation, allowed=contacts)
 
 
-def _close(pick: Pick, opening_m: float) -> Segment:
-    duration = (opening_m - SQUEEZE_M) / FINGER_SPEED_M_S + SETTLE_S
+def _close(pick: Pick) -> Segment:
+    duration = (pick.opening_m - SQUEEZE_M) / FINGER_SPEED_M_S + SETTLE_S
     return Segment(
         name=SegmentName.CLOSE,
         trajectory=rest(pick.approach_qs[-1], duration),
-        opening_start_m=opening_m,
+        opening_start_m=pick.opening_m,
         opening_end_m=SQUEEZE_M,
         force_n=MAX_FORCE_N,
         holding=False,
         allowed_contacts=_FINGERS,
+        held_width_m=pick.held_width_m,
     )
 
 
-def _open(place: Place, opening_m: float, contacts: frozenset[AllowedContact]) -> Segment:
-    duration = opening_m / FINGER_SPEED_M_S + SETTLE_S
+def _open(place: Place, pick: Pick) -> Segment:
+    duration = pick.release_m / FINGER_SPEED_M_S + SETTLE_S
     return Segment(
         name=SegmentName.OPEN,
         trajectory=rest(place.lower_qs[-1], duration),
         opening_start_m=0.0,
-        opening_end_m=opening_m,
+        opening_end_m=pick.release_m,
         force_n=MAX_FORCE_N,
         holding=False,
-        allowed_contacts=_FINGERS | contacts,
+        allowed_contacts=_FINGERS | place.placement.lower_contacts,
+        held_width_m=pick.held_width_m,
     )

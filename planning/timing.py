@@ -18,6 +18,10 @@ SAMPLE_S = 0.01
 # Paths are interpolated through points this close, so that corners are rounded only within it.
 KNOT_STEP_RAD = 0.05
 MAX_GRID_POINTS = 150
+# Knots closer than this are merged: the curvature between them would mean nothing.
+MIN_KNOT_STEP_RAD = 1e-3
+# A path that turns on the spot makes Toppra crawl through the turn; no real motion takes this long.
+LONGEST_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -37,13 +41,38 @@ FEELING = Speed(0.02, 0.05)
 def time_path(qs: Array, speed: Speed) -> JointTrajectory:
     """Return the path through `qs` (N, 7), from rest to rest, sampled every 10 ms.
 
-    Raises RuntimeError where Toppra finds no timing, which limits that are all positive exclude.
+    The arm stops at every corner of a path that turns too sharply to be driven through.
+
+    Raises RuntimeError where Toppra finds no timing for a straight path, which limits that are all
+    positive exclude.
     """
-    knots = densified(np.asarray(qs, dtype=float), KNOT_STEP_RAD)
-    moved = np.concatenate([[True], np.abs(np.diff(knots, axis=0)).max(axis=1) > 1e-7])
-    knots = knots[moved]
+    knots = _knots(np.asarray(qs, dtype=float))
     if len(knots) < 2:
         return rest(knots[0], SAMPLE_S)
+    smooth = _smooth_timing(knots, speed)
+    if smooth is not None:
+        return _sampled(smooth)
+    if len(qs) == 2:
+        raise RuntimeError(f"Toppra found no timing from {qs[0]} to {qs[1]}")
+    return join([time_path(qs[i : i + 2], speed) for i in range(len(qs) - 1)])
+
+
+def _knots(qs: Array) -> Array:
+    """Return points (M, 7) along the path, close to each other but no two of them the same."""
+    dense = densified(qs, KNOT_STEP_RAD)
+    kept = [dense[0]]
+    for q in dense[1:]:
+        if np.abs(q - kept[-1]).max() > MIN_KNOT_STEP_RAD:
+            kept.append(q)
+    if len(kept) > 1:
+        kept[-1] = dense[-1]
+    elif np.abs(dense[-1] - dense[0]).max() > 0.0:
+        kept.append(dense[-1])
+    return np.stack(kept)
+
+
+def _smooth_timing(knots: Array, speed: Speed) -> PathParameterizedTrajectory | None:
+    """Return the fastest drive through knots (M, 7) without a stop, or None."""
     if len(knots) == 2:
         knots = np.stack([knots[0], knots.mean(axis=0), knots[1]])
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
@@ -55,9 +84,9 @@ def time_path(qs: Array, speed: Speed) -> JointTrajectory:
     toppra.AddJointVelocityLimit(*_bounds(speed.velocity * limits.v_max))
     toppra.AddJointAccelerationLimit(*_bounds(speed.acceleration * limits.a_max))
     timing = toppra.SolvePathParameterization()
-    if timing is None:
-        raise RuntimeError(f"Toppra found no timing for a path of {lengths[-1]:.3f} rad")
-    return _sampled(PathParameterizedTrajectory(path, timing))
+    if timing is None or not timing.end_time() < LONGEST_S:
+        return None
+    return PathParameterizedTrajectory(path, timing)
 
 
 def rest(q: Array, duration_s: float) -> JointTrajectory:

@@ -10,12 +10,19 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.geometry import GeometryId, QueryObject
+from pydrake.geometry import GeometryId, QueryObject, SignedDistanceToPoint
 from pydrake.planning import RobotDiagramBuilder
 
-from planning.exemptions import peg_tube
-from planning.problem import AllowedContact, Plan, Segment
+from planning.exemptions import (
+    MAX_LOWERING_M,
+    MAX_PEG_DEPTH_M,
+    MAX_TABLE_DEPTH_M,
+    TABLE_LIFT_M,
+    peg_tube,
+)
+from planning.problem import AllowedContact, Plan, Segment, SegmentName
 from split_drake.fixtures import HOOK_BODY, TABLE_BODY, add_hook, add_table
+from split_drake.gripper import MAX_OPENING_M
 from split_drake.layout import Layout
 from split_drake.panda import (
     FINGER_BODIES,
@@ -82,7 +89,10 @@ class TrajectoryChecker:
             plan: to be checked.
             p_WPs: (N, 3) points on the object's surface before the pick.
         """
-        exempt = peg_tube(p_WPs, plan.X_WObject, plan.X_WGoal)
+        tubes = {
+            felt: peg_tube(p_WPs, plan.X_WObject, plan.X_WGoal, MAX_LOWERING_M * felt)
+            for felt in (False, True)
+        }
         X_WGrasp, X_WGRelease = self._gripper_ends(plan)
         p_GPs = transform_points(invert_pose(X_WGrasp), p_WPs)
         found = list(_kinematic_violations(plan))
@@ -92,8 +102,9 @@ class TrajectoryChecker:
             X_WGEnd = X_WGRelease if picked else X_WGrasp
             standing = transform_points(X_WGEnd, p_GPs)
             points = p_GPs if segment.holding else standing
-            what = self._first_contact(segment, points, exempt)
+            what = self._first_contact(segment, points, tubes[segment.stop_on_contact])
             what = what or self._first_far_exemption(segment, X_WGEnd[:3, 3])
+            what = what or _unfelt_table(segment)
             if what:
                 found.append(Violation(number, segment.name, what))
         return found
@@ -121,32 +132,65 @@ class TrajectoryChecker:
 
         `points` (N, 3) are in G where the object is held, else in W.
         """
-        openings = {max(m, 0.0) for m in (segment.opening_start_m, segment.opening_end_m)}
+        openings = {float(np.clip(m, 0.0, MAX_OPENING_M)) for m in segment.openings_m}
+        z_WGStart = self._pose_at(segment.trajectory.qs[0])[2, 3]
         for q, opening_m in product(fine_steps(segment.trajectory.qs), openings):
-            p_WPs = transform_points(self._pose_at(q), points) if segment.holding else points
+            X_WG = self._pose_at(q)
+            p_WPs = transform_points(X_WG, points) if segment.holding else points
+            low = X_WG[2, 3] - z_WGStart <= TABLE_LIFT_M
             query = self._query(q, opening_m)
-            for pair in query.ComputePointPairPenetration():
-                bodies = " and ".join(self._body(i) for i in (pair.id_A, pair.id_B))
-                return f"{bodies} overlap by {1e3 * pair.depth:.1f} mm at q = {np.round(q, 3)}"
-            for point, spared in zip(p_WPs, exempt, strict=True):
-                for hit in query.ComputeSignedDistanceToPoint(point, TOUCH_M):
-                    if not self._declared(hit.id_G, segment, bool(spared)):
-                        return (
-                            f"the object is {1e3 * hit.distance:.1f} mm from "
-                            f"{self._body(hit.id_G)} at q = {np.round(q, 3)}"
-                        )
+            what = self._overlap(query) or self._touched(query, segment, p_WPs, exempt, low)
+            if what:
+                return f"{what} at q = {np.round(q, 3)}"
         return ""
 
-    def _declared(self, geometry: GeometryId, segment: Segment, spared: bool) -> bool:
-        """Return whether the object may touch a geometry, `spared` being within the peg's tube."""
-        body, contacts = self._body(geometry), segment.allowed_contacts
+    def _overlap(self, query: QueryObject) -> str:
+        """Return which bodies of robot and station overlap, or an empty string."""
+        for pair in query.ComputePointPairPenetration():
+            bodies = " and ".join(self._body(i) for i in (pair.id_A, pair.id_B))
+            return f"{bodies} overlap by {1e3 * pair.depth:.1f} mm"
+        return ""
+
+    def _touched(
+        self,
+        query: QueryObject,
+        segment: Segment,
+        p_WPs: Array,
+        exempt: NDArray[np.bool_],
+        low: bool,
+    ) -> str:
+        """Return what the object (N, 3) touches undeclared, or an empty string.
+
+        `exempt` (N,) marks the points in the peg's tube; `low`: the hand is no more than
+        `TABLE_LIFT_M` above the segment's start.
+        """
+        for point, spared in zip(p_WPs, exempt, strict=True):
+            on_table = low and point[2] > -MAX_TABLE_DEPTH_M
+            for hit in query.ComputeSignedDistanceToPoint(point, TOUCH_M):
+                if not self._declared(hit, segment, bool(spared), on_table):
+                    return f"the object is {1e3 * hit.distance:.1f} mm from {self._body(hit.id_G)}"
+        return ""
+
+    def _declared(
+        self, hit: SignedDistanceToPoint, segment: Segment, spared: bool, on_table: bool
+    ) -> bool:
+        """Return whether the object may touch a geometry as it does.
+
+        Args:
+            hit: a point of the object near a geometry.
+            segment: under way.
+            spared: whether HELD_PEG exempts the point.
+            on_table: whether HELD_TABLE exempts the point.
+        """
+        body, contacts = self._body(hit.id_G), segment.allowed_contacts
         if not segment.holding:
             fingers = body in FINGER_BODIES and AllowedContact.FINGERS_TARGET in contacts
             return fingers or body in (TABLE_BODY, HOOK_BODY)
         if body == TABLE_BODY:
-            return AllowedContact.HELD_TABLE in contacts
-        if geometry == self._peg:
-            return AllowedContact.HELD_PEG in contacts and spared
+            return AllowedContact.HELD_TABLE in contacts and on_table
+        if hit.id_G == self._peg:
+            beside = segment.stop_on_contact or hit.distance > -MAX_PEG_DEPTH_M
+            return AllowedContact.HELD_PEG in contacts and spared and beside
         return body in _HOLDERS
 
     def _first_far_exemption(self, segment: Segment, p_WEnd: Array) -> str:
@@ -162,6 +206,14 @@ class TrajectoryChecker:
     def _body(self, geometry: GeometryId) -> str:
         frame = self._inspector.GetFrameId(geometry)
         return str(self._plant.GetBodyFromFrameId(frame).name())
+
+
+def _unfelt_table(segment: Segment) -> str:
+    """Return that HELD_TABLE is declared for a motion that neither lifts nor feels the table."""
+    felt = segment.stop_on_contact or not segment.holding or segment.name is SegmentName.LIFT
+    if felt or AllowedContact.HELD_TABLE not in segment.allowed_contacts:
+        return ""
+    return "held_table is declared but the arm would not stop on contact"
 
 
 def fine_steps(qs: Array) -> Iterator[Array]:

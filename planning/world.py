@@ -14,6 +14,7 @@ from pydrake.common import Parallelism
 from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
 
 from planning.distances import arm_capsules, distance_to_box, distance_to_segments, hook_capsules
+from planning.exemptions import MAX_TABLE_DEPTH_M
 from planning.kinematics import X_7G, link_poses
 from planning.problem import AllowedContact
 from split_drake.fixtures import add_hook, add_table
@@ -43,6 +44,7 @@ class Situation:
         p_WStanding: (N, 3) points of an object that stands in the world, or None.
         p_GHeld: (N, 3) points of an object in the hand, or None.
         peg_exempt: (N,) the held points that HELD_PEG exempts.
+        table_below_m: height of the gripper (z of G in W) below which HELD_TABLE acts.
         allowed: declared contacts; HELD_PEG acts on `peg_exempt` alone.
     """
 
@@ -50,6 +52,7 @@ class Situation:
     p_WStanding: Array | None = None
     p_GHeld: Array | None = None
     peg_exempt: BoolArray | None = None
+    table_below_m: float = np.inf
     allowed: frozenset[AllowedContact] = frozenset()
 
 
@@ -58,9 +61,11 @@ class CollisionWorld:
 
     Attributes:
         checker: of the robot against the static station and itself.
+        layout: of the station.
     """
 
     def __init__(self, layout: Layout) -> None:
+        self.layout = layout
         self.checker = _static_checker(layout)
         self._peg, self._post = hook_capsules(layout)
 
@@ -99,14 +104,13 @@ class CollisionWorld:
         if situation.p_GHeld is not None:
             p_WPs = _posed(X_WGs, situation.p_GHeld)
             free &= _arm_free(X_WLs, p_WPs, last_link=6)
-            free &= self._held_free(p_WPs, situation)
+            free &= _clear_of_table(p_WPs, X_WGs[:, 2, 3], situation)
+            free &= self._clear_of_hook(p_WPs, situation)
         return free
 
-    def _held_free(self, p_WPs: Array, situation: Situation) -> BoolArray:
-        """Return (B,): whether the held points (B, N, 3) are clear of the table and the hook."""
+    def _clear_of_hook(self, p_WPs: Array, situation: Situation) -> BoolArray:
+        """Return (B,): whether the held points (B, N, 3) are clear of the hook, or exempt."""
         free = np.ones(len(p_WPs), dtype=bool)
-        if AllowedContact.HELD_TABLE not in situation.allowed:
-            free &= p_WPs[..., 2].min(axis=1) > POINT_RADIUS_M
         for capsule in (self._peg, self._post):
             gap = capsule.radius_m + POINT_RADIUS_M
             touching = distance_to_segments(p_WPs, *capsule.p_FEnds) < gap
@@ -114,6 +118,16 @@ class CollisionWorld:
                 touching &= ~_required(situation.peg_exempt)
             free &= ~touching.any(axis=1)
         return free
+
+
+def same_fixtures(one: Layout, other: Layout) -> bool:
+    """Return whether two layouts have the same table and hook, which is all that a world keeps."""
+    return (
+        np.array_equal(one.X_WK, other.X_WK)
+        and one.hook == other.hook
+        and one.table_size_m == other.table_size_m
+        and one.p_WTable == other.p_WTable
+    )
 
 
 def densified(qs: Array, step_rad: float) -> Array:
@@ -124,6 +138,18 @@ def densified(qs: Array, step_rad: float) -> Array:
         shares = np.arange(1, count + 1)[:, None] / count
         pieces.append(start + shares * (end - start))
     return np.concatenate(pieces)
+
+
+def _clear_of_table(p_WPs: Array, z_WGs: Array, situation: Situation) -> BoolArray:
+    """Return (B,): whether held points (B, N, 3) are above the table, or as deep as allowed.
+
+    `z_WGs` (B,) are the heights of the gripper.
+    """
+    exempt = np.zeros(len(p_WPs), dtype=bool)
+    if AllowedContact.HELD_TABLE in situation.allowed:
+        exempt = z_WGs < situation.table_below_m
+    floors = np.where(exempt, -MAX_TABLE_DEPTH_M, POINT_RADIUS_M)
+    return np.asarray(p_WPs[..., 2].min(axis=1) > floors)
 
 
 def _required(mask: BoolArray | None) -> BoolArray:

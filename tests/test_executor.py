@@ -31,10 +31,12 @@ from split_drake.scene import EmptySceneError, Scene, Workspace
 class PerfectRobot:
     """Goes where it is told; its fingers stop at `object_m`, a floor at `floor_m` pushes back.
 
+    The object is lost at `lost_s`.
     The floor acts on the gripper's origin, as a spring of 20 N/mm.
     """
 
     object_m: float = 0.004
+    lost_s: float = np.inf
     floor_m: float = -np.inf
     q: Array = field(default_factory=Q_HOME.copy)
     opening_m: float = 0.08
@@ -49,7 +51,8 @@ class PerfectRobot:
         assert q.shape == v.shape == (7,)
         assert force_n > 0.0
         self.q = q.copy()
-        self.opening_m = max(opening_m, self.object_m)
+        held_m = self.object_m if self.time_s < self.lost_s else 0.0
+        self.opening_m = max(opening_m, held_m)
 
     def advance(self, duration_s: float) -> None:
         self.time_s += duration_s
@@ -70,15 +73,22 @@ def test_a_plan_runs_to_its_end_in_real_time(plan: Plan) -> None:
     assert result.completed and result.stage is None and result.reason == ""
     assert [log.name for log in result.logs] == [segment.name for segment in plan.segments]
     assert robot.time_s == pytest.approx(len(steps) * SAMPLE_S)
-    assert result.duration_s == pytest.approx(robot.time_s, abs=0.2)
+    assert result.duration_s == pytest.approx(robot.time_s, abs=1e-9)
     assert max(log.tracking_error_rad for log in result.logs) < 1e-9
     np.testing.assert_allclose(robot.q, Q_HOME, atol=1e-6)
 
 
 def test_the_time_since_release_counts_what_follows_opening(plan: Plan) -> None:
-    result = Executor(PerfectRobot()).run(plan)
-    after = [log.duration_s for log in result.logs][-2:]
-    assert result.since_release_s == pytest.approx(sum(after))
+    robot, opened_s = PerfectRobot(), 0.0
+
+    def watch(segment: Segment) -> None:
+        nonlocal opened_s
+        if segment.name is SegmentName.OPEN:
+            opened_s = robot.time_s
+
+    result = Executor(robot, watch).run(plan)
+    assert opened_s > 0.0
+    assert result.since_release_s == pytest.approx(robot.time_s - opened_s, abs=1e-9)
 
 
 def test_an_empty_hand_ends_the_execution(plan: Plan) -> None:
@@ -89,6 +99,27 @@ def test_an_empty_hand_ends_the_execution(plan: Plan) -> None:
     assert "0.0 mm" in result.reason
     with pytest.raises(ValueError, match="released"):
         _ = result.since_release_s
+
+
+@pytest.mark.parametrize(
+    ("name", "stage"),
+    [
+        (SegmentName.LIFT, Stage.GRASP),
+        (SegmentName.TRANSFER, Stage.TRANSPORT),
+        (SegmentName.INSERT, Stage.PLACEMENT),
+    ],
+)
+def test_a_lost_object_fails_the_stage_it_was_lost_in(
+    plan: Plan, name: SegmentName, stage: Stage
+) -> None:
+    names = [segment.name for segment in plan.segments]
+    before = plan.segments[: names.index(name)]
+    begins_s = SAMPLE_S * sum(len(segment.trajectory.times_s) for segment in before)
+    result = Executor(PerfectRobot(lost_s=begins_s + 0.05)).run(plan)
+    assert not result.completed
+    assert result.logs[-1].name is name
+    assert result.stage is stage
+    assert name.value in result.reason
 
 
 def test_lowering_stops_on_contact_and_keeps_the_height_while_letting_go(plan: Plan) -> None:
@@ -103,6 +134,7 @@ def test_lowering_stops_on_contact_and_keeps_the_height_while_letting_go(plan: P
 
     result = Executor(robot, watch).run(plan)
     assert result.completed
+    assert result.duration_s == pytest.approx(robot.time_s, abs=1e-9)
     stopped = [log.stopped_by_contact for log in result.logs]
     assert stopped == [segment.stop_on_contact for segment in plan.segments]
     pressed_m = floor_m - reached[SegmentName.INSERT][-1]

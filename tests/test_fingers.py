@@ -31,6 +31,7 @@ def test_a_wall_alone_leaves_all_the_room_there_is() -> None:
     assert fit.opening_m >= WALL_M + 2.0 * ENOUGH_CLEARANCE_M
     assert fit.release_m == pytest.approx(0.08)
     assert fit.pinch_depth_m == pytest.approx(PAD_SIZE_M[1] / 2.0, abs=0.001)
+    assert fit.held_width_m == pytest.approx(WALL_M)
 
 
 def test_a_second_wall_narrows_the_opening() -> None:
@@ -41,6 +42,11 @@ def test_a_second_wall_narrows_the_opening() -> None:
     assert fit.release_m < 0.04
 
 
+def test_the_unseen_side_of_what_is_held_counts_as_wide_as_the_seen_one() -> None:
+    one_side = np.array([[0.0, 0.012, 0.0], [0.0, 0.013, 0.005]])
+    assert fit_fingers(np.eye(4), one_side).held_width_m == pytest.approx(0.026)
+
+
 def test_no_opening_clears_what_fills_the_hand() -> None:
     y = np.arange(-0.08, 0.081, 0.004)
     slab = np.column_stack([0.0 * y, y, 0.0 * y])
@@ -49,7 +55,8 @@ def test_no_opening_clears_what_fills_the_hand() -> None:
 
 def test_nothing_between_the_pads_is_no_pinch() -> None:
     below = np.add(wall(), (0.0, 0.0, 0.02))
-    assert fit_fingers(np.eye(4), below).pinch_depth_m == 0.0
+    fit = fit_fingers(np.eye(4), below)
+    assert fit.pinch_depth_m == fit.held_width_m == 0.0
     np.testing.assert_array_equal(settled(np.eye(4), np.empty((0, 3))), np.eye(4))
 
 

@@ -107,6 +107,15 @@ def test_timing_keeps_the_limits_and_the_path(speed: Speed) -> None:
     assert corner < EDGE_STEP_RAD
 
 
+@pytest.mark.parametrize("middle", [[0.3, 0.3 + 1e-6], [0.3, 0.0], [0.3, 0.3, 1e-5]])
+def test_paths_that_dwell_or_turn_back_are_driven_in_seconds(middle: list[float]) -> None:
+    qs = np.tile(Q_HOME, (len(middle) + 2, 1))
+    qs[:, 0] = [0.0, *middle, 0.4]
+    trajectory = time_path(qs, FREE)
+    assert trajectory.duration_s < 5.0
+    np.testing.assert_allclose(trajectory.qs[[0, -1]], qs[[0, -1]], atol=1e-6)
+
+
 def test_rest_and_joining() -> None:
     pause = rest(Q_HOME, 0.5)
     assert pause.duration_s == pytest.approx(0.5)

@@ -6,11 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers_planning import LYING, UPRIGHT, mug_cloud, mug_problem
+from helpers_planning import LYING, RADIUS_M, UPRIGHT, WALL_M, mug_cloud, mug_problem
 
-from planning.candidates import BestPairs, distinct_modes
+from planning.kinematics import gripper_pose
 from planning.perceived import PerceivedObject, revolved_body, voxel_centroids
-from planning.placements import axis_clearance
+from planning.placements import (
+    freest_axis,
+)
 from planning.planner import Planner, make_planner, planner_names, register_planner
 from planning.problem import (
     AllowedContact,
@@ -21,8 +23,11 @@ from planning.problem import (
     Stage,
     Subgoal,
 )
+from planning.segments import before_watch, executed_s, late
+from planning.timing import rest
 from planning.trajectory_check import TrajectoryChecker
-from split_drake.layout import Layout
+from planning.world import same_fixtures
+from split_drake.layout import HookShape, Layout
 from split_drake.pose_set import PoseSet, PoseTask
 from split_drake.poses import Array, make_pose, transform_points
 
@@ -83,6 +88,10 @@ def test_goals_agree_with_the_gripper() -> None:
         plan = plan_for(case)
         X_GObject = np.linalg.solve(plan.X_WGrasp, plan.X_WObject)
         np.testing.assert_allclose(plan.X_WGplace @ X_GObject, plan.X_WGoal, atol=1e-9)
+        at_open = next(s for s in plan.segments if s.name is SegmentName.OPEN).trajectory.qs[0]
+        np.testing.assert_allclose(gripper_pose(at_open), plan.X_WGplace, atol=1e-5)
+        at_close = next(s for s in plan.segments if s.name is SegmentName.CLOSE).trajectory.qs[0]
+        np.testing.assert_allclose(gripper_pose(at_close), plan.X_WGrasp, atol=1e-5)
 
 
 def test_the_same_seed_gives_the_same_plan() -> None:
@@ -127,13 +136,59 @@ def test_a_walled_in_object_is_rejected_by_collisions() -> None:
 def test_a_handle_whose_opening_is_filled_is_no_goal() -> None:
     problem = mug_problem(Subgoal.HANG, UPRIGHT)
     X_WH = problem.pose_sets[PoseTask.HANDLE].X_WPs[0]
-    plug = X_WH[:3, 3] + np.linspace(-0.01, 0.01, 9)[:, None] * X_WH[:3, 1]
-    assert axis_clearance(X_WH, problem.p_WPs) > 0.005
-    assert axis_clearance(X_WH, plug) < 1e-6
+    x, z = np.meshgrid(*2 * [np.linspace(-0.02, 0.02, 9)])
+    plug = transform_points(X_WH, np.column_stack([x.ravel(), 0.0 * x.ravel(), z.ravel()]))
+    assert freest_axis(X_WH, problem.p_WPs)[1] > Layout().hook.peg_radius_m
+    assert freest_axis(X_WH, plug)[1] < Layout().hook.peg_radius_m
     filled = replace(problem, p_WPs=np.concatenate([problem.p_WPs, plug]))
     failure = planner().plan(filled, np.random.default_rng(0))
     assert isinstance(failure, PlanFailure)
     assert "goal" in failure.reason
+
+
+def test_the_insertion_before_the_felt_lowering_stays_clear_of_the_table() -> None:
+    for segment in plan_for("reorient").segments:
+        if segment.name is SegmentName.INSERT:
+            expected = {AllowedContact.HELD_TABLE} if segment.stop_on_contact else set()
+            assert set(segment.allowed_contacts) == expected
+
+
+def test_carrying_is_planned_with_the_width_of_what_is_held() -> None:
+    for segment in plan_for("hang").segments:
+        if segment.holding:
+            nearest = min((WALL_M, 2.0 * RADIUS_M), key=lambda w: abs(w - segment.held_width_m))
+            assert segment.held_width_m == pytest.approx(nearest, abs=0.003)
+            assert segment.openings_m == (segment.held_width_m,) * 2
+
+
+def test_after_hanging_the_arm_rests_before_the_verdict() -> None:
+    segments = plan_for("hang").segments
+    names = [segment.name for segment in segments]
+    after = segments[names.index(SegmentName.OPEN) + 1 :]
+    assert sum(executed_s(segment) for segment in after) < 2.9
+
+
+def test_a_withdrawal_that_lasts_too_long_is_dropped() -> None:
+    segments = plan_for("hang").segments
+    names = [segment.name for segment in segments]
+    released = segments[: names.index(SegmentName.RETREAT) + 1]
+    retreat_s = executed_s(released[-1])
+    for sum_s, expected in ((2.85, True), (2.95, False)):
+        trajectory = rest(released[-1].trajectory.qs[-1], sum_s - retreat_s)
+        withdrawal = replace(released[-1], name=SegmentName.TRANSIT, trajectory=trajectory)
+        kept = before_watch((*released, withdrawal))
+        assert (len(kept) == len(released) + 1) is expected
+        assert not late(kept)
+    endless = replace(released[-1], trajectory=rest(released[-1].trajectory.qs[-1], 3.0))
+    assert late((*released[:-1], endless))
+
+
+def test_the_world_is_kept_while_the_fixtures_are_the_same() -> None:
+    assert same_fixtures(Layout(), Layout())
+    raised = Layout(X_WK=Layout().X_WK @ make_pose(p=(0.0, 0.0, 0.01)))
+    thick = Layout(hook=HookShape(peg_radius_m=0.008))
+    for other in (raised, thick, Layout(p_WTable=(0.5, 0.0))):
+        assert not same_fixtures(Layout(), other)
 
 
 def test_unknown_planners_are_errors_that_name_the_known() -> None:
@@ -142,28 +197,6 @@ def test_unknown_planners_are_errors_that_name_the_known() -> None:
         make_planner("fancy")
     with pytest.raises(ValueError, match="registered already"):
         register_planner("default")(planner)
-
-
-def test_pairs_come_best_first_and_whole_rows_can_be_dropped() -> None:
-    pairs = BestPairs([0.5, 1.0], [0.2, 0.9, 0.5])
-    everything = list(pairs)
-    products = [[0.5, 1.0][row] * [0.2, 0.9, 0.5][column] for row, column in everything]
-    assert products == sorted(products, reverse=True)
-    assert len(set(everything)) == 6
-    pairs = BestPairs([0.5, 1.0], [0.2, 0.9, 0.5])
-    kept = []
-    for row, column in pairs:
-        kept.append((row, column))
-        if row == 1:
-            pairs.drop_row(1)
-    assert [row for row, _ in kept].count(1) == 1
-    assert list(BestPairs([1.0], [])) == []
-
-
-def test_modes_are_apart() -> None:
-    near, far = make_pose(p=(0.001, 0.0, 0.0)), make_pose(p=(0.1, 0.0, 0.0))
-    assert distinct_modes(np.stack([np.eye(4), near, far]), 3) == [0, 2]
-    assert distinct_modes(np.stack([np.eye(4), near, far]), 1) == [0]
 
 
 def test_a_half_seen_body_is_completed_without_the_handle() -> None:

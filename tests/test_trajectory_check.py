@@ -7,19 +7,33 @@ import numpy as np
 import pytest
 from helpers_planning import UPRIGHT, mug_cloud, mug_problem
 
+from planning.exemptions import MAX_TABLE_DEPTH_M, TABLE_LIFT_M
+from planning.ik import solve_ik
 from planning.kinematics import gripper_pose
 from planning.perceived import voxel_centroids
+from planning.pick import Q_COMFORT
 from planning.planner import make_planner
 from planning.problem import AllowedContact, Plan, Segment, SegmentName, Subgoal
+from planning.timing import rest
 from planning.trajectory_check import STEP_RAD, TrajectoryChecker, fine_steps
+from split_drake.gripper import MAX_OPENING_M
 from split_drake.layout import Layout
-from split_drake.poses import Array, transform_points
+from split_drake.poses import Array, make_pose, transform_points
 
 
 @cache
 def hang_plan() -> Plan:
     plan = make_planner("default").plan(
         mug_problem(Subgoal.HANG, UPRIGHT), np.random.default_rng(0)
+    )
+    assert isinstance(plan, Plan)
+    return plan
+
+
+@cache
+def reorient_plan() -> Plan:
+    plan = make_planner("default").plan(
+        mug_problem(Subgoal.REORIENT, UPRIGHT), np.random.default_rng(0)
     )
     assert isinstance(plan, Plan)
     return plan
@@ -80,6 +94,46 @@ def test_the_table_may_be_touched_by_the_object_only_where_declared() -> None:
     transfer = changed(SegmentName.TRANSFER, trajectory=segment(SegmentName.LIFT).trajectory)
     found = checker().violations(transfer, cloud())
     assert any(v.name == "transfer" and "table" in v.what for v in found)
+
+
+def test_the_table_may_be_touched_only_lightly() -> None:
+    carrying = tuple(s for s in reorient_plan().segments if s.holding)
+    plan = replace(reorient_plan(), segments=carrying)
+    for depth_m in (1.2 * MAX_TABLE_DEPTH_M, 0.9 * Layout().table_size_m[2]):
+        below = UPRIGHT[:3, 3] - (0.0, 0.0, depth_m)
+        found = checker().violations(plan, below[None])
+        assert [v.name for v in found if "table" in v.what][-1] == SegmentName.INSERT
+
+
+def test_the_table_may_not_be_touched_by_a_motion_that_does_not_feel_it() -> None:
+    unfelt = tuple(replace(s, stop_on_contact=False) for s in reorient_plan().segments)
+    found = checker().violations(replace(reorient_plan(), segments=unfelt), cloud())
+    assert {v.name for v in found} == {SegmentName.INSERT}
+    assert any("held_table is declared" in v.what for v in found)
+
+
+def test_the_table_may_not_be_touched_once_the_object_is_lifted() -> None:
+    for depth_m, expected in ((0.010, set()), (TABLE_LIFT_M - 0.001, {SegmentName.LIFT.value})):
+        below = UPRIGHT[:3, 3] - (0.0, 0.0, depth_m)
+        assert names(hang_plan(), np.concatenate([cloud(), below[None]])) == expected
+
+
+def test_the_peg_may_not_pass_through_what_bounds_the_opening() -> None:
+    on_axis = transform_points(hang_plan().X_WObject, np.array([[0.0, 0.0, 0.0]]))
+    found = checker().violations(hang_plan(), np.concatenate([cloud(), on_axis]))
+    assert {v.name for v in found} == {SegmentName.INSERT.value}
+
+
+def test_fingers_are_checked_where_the_held_object_stops_them() -> None:
+    X_WK = Layout().X_WK
+    across_peg = np.column_stack([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    beside_peg = make_pose(across_peg, X_WK[:3, 3] - (MAX_OPENING_M / 2.0 + 0.007, 0.0, 0.0))
+    there = rest(solve_ik(beside_peg[None]).of(0, Q_COMFORT)[0], 0.02)
+    for width_m, overlaps in ((0.004, False), (MAX_OPENING_M, True)):
+        plan = changed(SegmentName.TRANSFER, trajectory=there, held_width_m=width_m)
+        found = checker().violations(plan, cloud())
+        fingers = [v for v in found if v.name == "transfer" and "finger" in v.what]
+        assert bool(fingers) is overlaps
 
 
 def test_jumps_limits_and_missing_rest_are_found() -> None:

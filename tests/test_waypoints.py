@@ -120,5 +120,7 @@ def test_the_tube_exempts_the_opening_and_nothing_else() -> None:
         ]
     )
     p_WPs = p_HPs @ X_WH[:3, :3].T + X_WH[:3, 3]
-    expected = [True, True, False, False, True, False]
-    assert peg_tube(p_WPs, X_WH, X_WHgoal).tolist() == expected
+    lowered = [True, True, False, False, True, False]
+    assert peg_tube(p_WPs, X_WH, X_WHgoal, MAX_LOWERING_M).tolist() == lowered
+    straight = [True, True, False, False, False, False]
+    assert peg_tube(p_WPs, X_WH, X_WHgoal).tolist() == straight

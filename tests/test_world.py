@@ -1,5 +1,6 @@
 """The collision world: each kind of contact, and exactly the declared exemptions."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,6 +10,7 @@ from pydrake.geometry import QueryObject
 from pydrake.planning import RobotDiagramBuilder
 
 from planning.distances import arm_capsules, distance_to_box, distance_to_segments, hook_capsules
+from planning.exemptions import MAX_TABLE_DEPTH_M
 from planning.kinematics import gripper_pose, link_poses
 from planning.problem import AllowedContact
 from planning.world import EDGE_STEP_RAD, POINT_RADIUS_M, CollisionWorld, Situation, densified
@@ -111,6 +113,17 @@ def test_held_table_exempts_the_table_alone() -> None:
     p_WInside = transform_points(link_poses(q[None])[0, link - 1], capsule.p_FEnds[:1])
     into_wrist = transform_points(np.linalg.inv(gripper_pose(q)), p_WInside)
     assert not is_free(q, Situation(0.03, p_GHeld=into_wrist, allowed=TABLE))
+
+
+def test_held_table_exempts_no_deep_contact_and_none_of_a_lifted_object() -> None:
+    q = configuration((0.5, 0.0, 0.08))
+    z_WG = gripper_pose(q)[2, 3]
+    for depth, expected in ((0.9 * MAX_TABLE_DEPTH_M, True), (1.1 * MAX_TABLE_DEPTH_M, False)):
+        p_GHeld = np.array([[0.0, 0.0, z_WG + depth]])
+        assert is_free(q, Situation(0.03, p_GHeld=p_GHeld, allowed=TABLE)) is expected
+    touching = Situation(0.03, p_GHeld=np.array([[0.0, 0.0, z_WG]]), allowed=TABLE)
+    assert is_free(q, replace(touching, table_below_m=z_WG + 0.001))
+    assert not is_free(q, replace(touching, table_below_m=z_WG - 0.001))
 
 
 def test_held_peg_exempts_only_the_tube_and_never_the_post() -> None:
