@@ -83,13 +83,17 @@ def draw_start(
 
 def draw_drop(item: RigidObject, workspace: Workspace, rng: np.random.Generator) -> Array:
     """Return X_WO (4, 4): any orientation, 2 cm above the table, near the workspace's centre."""
-    quaternion = rng.normal(size=4)
-    R_WO = Rotation.from_quat(quaternion).as_matrix()
+    R_WO = Rotation.from_quat(rng.normal(size=4)).as_matrix()
+    offset = np.append(rng.uniform(-SPREAD_M, SPREAD_M, size=2), 0.0)
+    return drop_pose(item, R_WO, workspace.p_WCenter + offset)
+
+
+def drop_pose(item: RigidObject, R_WO: Array, p_WT: Array) -> Array:
+    """Return X_WO (4, 4): the middle of the object above p_WT on the table, 2 cm of air between."""
     lowest = float((item.mesh.vertices @ R_WO.T)[:, 2].min())
-    x, y, z = np.array(workspace.p_WCenter)
-    dx, dy = rng.uniform(-SPREAD_M, SPREAD_M, size=2)
     middle = R_WO @ item.mesh.bounds.mean(axis=0)
-    return make_pose(R_WO, (x + dx - middle[0], y + dy - middle[1], z + DROP_HEIGHT_M - lowest))
+    x, y, z = p_WT
+    return make_pose(R_WO, (x - middle[0], y - middle[1], z + DROP_HEIGHT_M - lowest))
 
 
 def outside_workspace(item: RigidObject, X_WO: Array, workspace: Workspace) -> str:

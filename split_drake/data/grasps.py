@@ -20,7 +20,15 @@ from split_drake.gripper import MAX_OPENING_M
 from split_drake.objects import MugShape
 from split_drake.poses import Array, make_pose
 
-__all__ = ["GraspCheck", "GraspLabels", "check_grasps", "feasible", "sample_grasps"]
+__all__ = [
+    "FalseGrasps",
+    "GraspCheck",
+    "GraspLabels",
+    "check_grasps",
+    "false_grasps",
+    "feasible",
+    "sample_grasps",
+]
 
 MIN_WIDTH_M = 0.0015
 MAX_WIDTH_M = MAX_OPENING_M - 0.004
@@ -28,6 +36,8 @@ CANDIDATE_POINTS = 7000
 CANDIDATE_TURNS = 6
 # A line into a mug leaves material at the near wall, the far wall, and perhaps the handle.
 EXITS = 3
+# Pinches between this quality and MIN_QUALITY may hold in physics: they are not called false.
+CLEARLY_WEAK = 0.3
 # When grasps are thinned out, 4 cm of distance count as much as 1 rad between their approaches.
 TURN_RAD_PER_M = 25.0
 
@@ -73,7 +83,7 @@ def _antipodal_lines(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator
     return np.concatenate(lines)
 
 
-def _candidates(
+def antipodal_candidates(
     mesh: trimesh.Trimesh, count: int, turns: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Return grasps (N, 4, 4) whose pads' centres face each other across material, and widths."""
@@ -94,7 +104,7 @@ def _displaced(X_OGs: Array, rng: np.random.Generator) -> Array:
     return X_OGs @ shift @ make_pose(turn)
 
 
-def _spread(X_OGs: Array, count: int) -> np.ndarray:
+def spread_evenly(X_OGs: Array, count: int) -> np.ndarray:
     """Return the indices of at most `count` grasps, evenly spread over place and approach."""
     if len(X_OGs) <= count:
         return np.arange(len(X_OGs))
@@ -115,7 +125,7 @@ def sample_grasps(
     Raises ValueError where the mug has no grasp.
     """
     judge = GraspJudge(mug.body.mesh)
-    X_OGs, widths = _candidates(mug.body.mesh, CANDIDATE_POINTS, CANDIDATE_TURNS, rng)
+    X_OGs, widths = antipodal_candidates(mug.body.mesh, CANDIDATE_POINTS, CANDIDATE_TURNS, rng)
     openings = opening_for(widths)
     qualities = judge.qualities(X_OGs, openings)
     firm = np.flatnonzero(qualities >= MIN_QUALITY)
@@ -123,7 +133,7 @@ def sample_grasps(
     good = firm[~collides]
     if not len(good):
         raise ValueError(f"{mug.body.name} has no grasp among {len(X_OGs)} candidates")
-    chosen = good[_spread(X_OGs[good], positives)]
+    chosen = good[spread_evenly(X_OGs[good], positives)]
     near = _displaced(X_OGs[rng.choice(chosen, negatives)], rng)
     third = negatives // 3
     false = [
@@ -136,6 +146,42 @@ def sample_grasps(
         openings_m=openings[chosen],
         qualities=qualities[chosen],
         X_OGnegatives=np.concatenate(false)[:negatives],
+    )
+
+
+@dataclass(frozen=True)
+class FalseGrasps:
+    """Grasps that fail wherever the object lies.
+
+    Attributes:
+        X_OGs: (N, 4, 4) grasps.
+        openings_m: (N,) the opening that comes nearest to a grasp.
+    """
+
+    X_OGs: Array
+    openings_m: Array
+
+
+def false_grasps(
+    mug: MugShape, X_OGtrues: Array, count: int, rng: np.random.Generator
+) -> FalseGrasps:
+    """Return at most `count` false grasps: about half displaced from true ones (N, 4, 4).
+
+    The others have antipodal contacts; the hand collides, or pinches too little.
+    """
+    # Few are good, so that twice as many as are wanted suffice.
+    antipodal, _ = antipodal_candidates(mug.body.mesh, count, 1, rng)
+    antipodal = antipodal[rng.permutation(len(antipodal))[:count]]
+    near = _displaced(X_OGtrues[rng.integers(len(X_OGtrues), size=count)], rng)
+    judge = GraspJudge(mug.body.mesh)
+    found: list[FalseGrasps] = []
+    for X_OGs, wanted in ((near, count // 2), (antipodal, count - count // 2)):
+        check = judge.check(X_OGs)
+        false = np.flatnonzero(check.collides | (check.qualities < CLEARLY_WEAK))[:wanted]
+        found.append(FalseGrasps(X_OGs[false], check.openings_m[false]))
+    return FalseGrasps(
+        np.concatenate([part.X_OGs for part in found]),
+        np.concatenate([part.openings_m for part in found]),
     )
 
 

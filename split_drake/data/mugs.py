@@ -4,6 +4,7 @@
 that ``load_mug("train_017")`` builds a mug from.
 """
 
+import hashlib
 import json
 from collections import Counter
 from dataclasses import asdict, dataclass
@@ -75,12 +76,20 @@ def build_mug(name: str, parameters: MugParameters) -> MugShape:
     return MugShape(body, X_OH, opening_OPs, 2.0 * parameters.outer_radius_m)
 
 
-@lru_cache(maxsize=2)
-def _read_split(split: str) -> tuple[MugParameters, ...]:
+def _split_text(split: str) -> str:
     if split not in get_args(Split):
         raise ValueError(f"split is {split!r}; expected one of {get_args(Split)}")
-    text = resources.files("models").joinpath("mugs", f"{split}.json").read_text()
-    return tuple(MugParameters(**entry) for entry in json.loads(text)["mugs"])
+    return resources.files("models").joinpath("mugs", f"{split}.json").read_text()
+
+
+@lru_cache(maxsize=2)
+def _read_split(split: str) -> tuple[MugParameters, ...]:
+    return tuple(MugParameters(**entry) for entry in json.loads(_split_text(split))["mugs"])
+
+
+def mugs_sha256(split: Split) -> str:
+    """Return the SHA-256 of the split's parameters: what is derived from the mugs records it."""
+    return hashlib.sha256(_split_text(split).encode()).hexdigest()
 
 
 def mug_names(split: Split) -> tuple[str, ...]:

@@ -1,0 +1,153 @@
+"""How objects come to rest on the table after a drop, in physics.
+
+``python -m split_drake.data.rests`` writes ``models/mugs/rests_{train,test}.npz``, the rests of the
+fixed splits' mugs, so that scenes are drawn as trials start without simulating a drop for each.
+"""
+
+import multiprocessing
+import os
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import tyro
+from rich.progress import track
+from scipy.spatial.transform import Rotation
+
+from split_drake.data.mugs import Split, load_mug, mug_names, mugs_sha256
+from split_drake.objects import RigidObject
+from split_drake.oracle import Truth
+from split_drake.poses import Array
+from split_drake.starts import SETTLE_TIMEOUT_S, UPSIDE_DOWN_RAD, drop_pose
+from split_drake.station import Station
+from split_drake.verdicts import axis_tilt_rad, wait_for_rest
+
+# A drop off the table, or one that never ends, is drawn anew, but not for ever.
+MAX_DRAWS_PER_REST = 20
+
+
+class RestsError(ValueError):
+    """Rests are missing, or were made for other mugs."""
+
+
+@dataclass(frozen=True)
+class Rests:
+    """Poses of an object at rest.
+
+    Attributes:
+        X_TOs: (K, 4, 4) poses; T lies on the table below the point of the drop, parallel to W.
+        dropped: how many drops it took: those that ended upside down, or not at all, are left out.
+    """
+
+    X_TOs: Array
+    dropped: int
+
+
+def settle(body: RigidObject, count: int, rng: np.random.Generator) -> Rests:
+    """Drop an object in any orientation until `count` drops have come to rest.
+
+    Left out are rests upside down (as in the paper, section VI-B) and what still moves after 5 s.
+
+    Raises RestsError where hardly any drop comes to rest.
+    """
+    station = Station(objects=(body,))
+    truth = Truth(station)
+    p_WT = np.array(station.config.layout.workspace.p_WCenter)
+    rests: list[Array] = []
+    dropped = 0
+    while len(rests) < count:
+        if dropped == MAX_DRAWS_PER_REST * count:
+            raise RestsError(f"only {len(rests)} of {dropped} drops of {body.name} came to rest")
+        R_WO = Rotation.from_quat(rng.normal(size=4)).as_matrix()
+        station.place_object(0, drop_pose(body, R_WO, p_WT))
+        dropped += 1
+        if not wait_for_rest(station, truth, 0, SETTLE_TIMEOUT_S):
+            continue
+        X_TO = truth.X_WO(0)
+        X_TO[:3, 3] -= p_WT
+        if axis_tilt_rad(X_TO) <= UPSIDE_DOWN_RAD:
+            rests.append(X_TO)
+    return Rests(np.stack(rests), dropped)
+
+
+def rests_path(split: Split) -> Path:
+    """Return where the split's rests are kept."""
+    return Path(str(resources.files("models").joinpath("mugs", f"rests_{split}.npz")))
+
+
+@lru_cache(maxsize=2)
+def _shipped(split: Split) -> dict[str, Rests]:
+    path = rests_path(split)
+    if not path.is_file():
+        raise RestsError(f"{path} is missing; python -m split_drake.data.rests makes it")
+    with np.load(path, allow_pickle=False) as archive:
+        if (found := str(archive["mugs_sha256"])) != (expected := mugs_sha256(split)):
+            raise RestsError(
+                f"{path} was made for mugs of SHA-256 {found[:12]}, but they have {expected[:12]}; "
+                "python -m split_drake.data.rests makes it anew"
+            )
+        entries = zip(archive["names"], archive["X_TOs"], archive["dropped"], strict=True)
+        return {str(name): Rests(X_TOs.astype(float), int(n)) for name, X_TOs, n in entries}
+
+
+def load_rests(name: str) -> Rests:
+    """Return the rests of the mug `name`, "train_017" say.
+
+    Raises RestsError where there are none.
+    """
+    split: Split = "test" if name.startswith("test_") else "train"
+    rests = _shipped(split)
+    if name not in rests:
+        raise RestsError(f"there are no rests of {name!r}; expected one of {split}'s mugs")
+    return rests[name]
+
+
+@dataclass(frozen=True)
+class SettleConfig:
+    """Which mugs to drop, and how often.
+
+    Attributes:
+        mugs: their split.
+        count: rests of each.
+        workers: processes; the rests do not depend on them.
+    """
+
+    mugs: Split = "train"
+    count: int = 40
+    workers: int = len(os.sched_getaffinity(0))
+
+    def __post_init__(self) -> None:
+        for name in ("count", "workers"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")
+
+
+def _settle_mug(name: str, count: int) -> Rests:
+    rng = np.random.default_rng([int(name.rpartition("_")[2]), name.startswith("test_")])
+    return settle(load_mug(name).body, count, rng)
+
+
+def settle_split(config: SettleConfig) -> None:
+    """Write the rests of a split's mugs."""
+    names = mug_names(config.mugs)
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(config.workers, mp_context=context) as executor:
+        futures = [executor.submit(_settle_mug, name, config.count) for name in names]
+        rests = [future.result() for future in track(futures, "mugs")]
+    np.savez_compressed(
+        rests_path(config.mugs),
+        allow_pickle=False,
+        names=np.array(names),
+        mugs_sha256=np.array(mugs_sha256(config.mugs)),
+        X_TOs=np.stack([r.X_TOs for r in rests]).astype(np.float32),
+        dropped=np.array([r.dropped for r in rests]),
+    )
+    dropped = sum(r.dropped for r in rests)
+    print(f"{len(names) * config.count} rests of {dropped} drops")
+
+
+if __name__ == "__main__":
+    settle_split(tyro.cli(SettleConfig, description=__doc__))
