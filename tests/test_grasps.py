@@ -14,7 +14,13 @@ from split_drake.data.grasp_judge import (
     feasible,
     opening_for,
 )
-from split_drake.data.grasps import GraspLabels, check_grasps, sample_grasps
+from split_drake.data.grasps import (
+    CLEARLY_WEAK,
+    GraspLabels,
+    check_grasps,
+    false_grasps,
+    sample_grasps,
+)
 from split_drake.data.mugs import load_mug
 from split_drake.gripper import MAX_OPENING_M, PAD_SIZE_M, gripper_boxes
 from split_drake.objects import MugShape
@@ -160,6 +166,19 @@ def test_positives_stay_good_and_negatives_bad_when_checked(
 ) -> None:
     assert check_grasps(mug, labels.X_OGs).good.mean() > 0.97
     assert check_grasps(mug, labels.X_OGnegatives).good.mean() < 0.03
+
+
+def test_false_grasps_fail_by_far(mug: MugShape, labels: GraspLabels) -> None:
+    false = false_grasps(mug, labels.X_OGs, 120, np.random.default_rng(0))
+    assert 100 < len(false.X_OGs) <= 120
+    check = GraspJudge(mug.body.mesh).check_opened(false.X_OGs, false.openings_m)
+    assert (check.collides | (check.qualities < CLEARLY_WEAK)).all()
+    assert check.collides.any()
+    assert (check.qualities[~check.collides] < CLEARLY_WEAK).any()
+    nearest_m = np.linalg.norm(
+        false.X_OGs[:, None, :3, 3] - labels.X_OGs[None, :, :3, 3], axis=-1
+    ).min(axis=1)
+    assert np.median(nearest_m) < 0.03
 
 
 def test_narrow_mugs_are_grasped_by_rim_body_and_handle() -> None:

@@ -1,25 +1,29 @@
-"""The training renderer against exact geometry, and resting poses."""
+"""The training renderer against exact geometry."""
 
 import numpy as np
 import pytest
 import trimesh
+from numpy.typing import NDArray
 
-from split_drake.camera import Intrinsics, look_at
+from split_drake.camera import DepthView, Intrinsics, look_at, pixel_rays
 from split_drake.data.mugs import load_mug
-from split_drake.data.placements import UPSIDE_DOWN_COS, PlacementConfig, RestingPoses
 from split_drake.data.render import DepthRenderer, RayCaster, table_depth
 from split_drake.layout import CameraPlacement, Layout
-from split_drake.poses import make_pose, transform_points
-from split_drake.scene import Scene, Workspace
+from split_drake.poses import make_pose
+from split_drake.scene import Scene
 
 CAMERAS = Layout().cameras
+
+
+def empty_table(camera: CameraPlacement) -> NDArray[np.float32]:
+    return table_depth(pixel_rays(camera.intrinsics), camera.X_WC, 0.0)
 
 
 @pytest.mark.parametrize("camera", CAMERAS, ids=lambda camera: camera.name)
 def test_table_lies_at_z_0(camera: CameraPlacement) -> None:
     corner = trimesh.creation.box((0.01, 0.01, 0.01))
     view = DepthRenderer(corner).render(make_pose(p=(0.5, 0.0, -0.1)), camera)
-    assert np.array_equal(view.depth_m, table_depth(camera))
+    assert np.array_equal(view.depth_m, empty_table(camera))
     assert np.abs(view.points()[:, 2]).max() < 1e-5
 
 
@@ -48,7 +52,7 @@ def test_objects_partly_outside_the_image_are_cut() -> None:
     assert near.any()
     assert near[:, 0].any() or near[:, -1].any()
     beyond = DepthRenderer(box).render(make_pose(p=(0.5, 3.0, 0.05)), camera).depth_m
-    assert np.array_equal(beyond, table_depth(camera))
+    assert np.array_equal(beyond, empty_table(camera))
 
 
 def test_objects_behind_the_camera_are_refused() -> None:
@@ -60,7 +64,7 @@ def test_objects_behind_the_camera_are_refused() -> None:
 def test_cameras_above_the_horizon_see_no_table_there() -> None:
     X_WC = look_at((0.0, 0.0, 0.5), (1.0, 0.0, 0.5))
     camera = CameraPlacement("level", Intrinsics.centered(40, 30, 30.0), X_WC)
-    depth = table_depth(camera)
+    depth = empty_table(camera)
     assert np.isinf(depth[:15]).all()
     assert np.isfinite(depth[15:]).all()
 
@@ -73,43 +77,40 @@ def test_rays_report_the_first_face() -> None:
     assert faces[1] == -1
 
 
-@pytest.fixture(scope="module")
-def resting() -> RestingPoses:
-    body = load_mug("train_002").body
-    return RestingPoses(body.mesh, body.p_OCom, Workspace())
+def test_cosines_are_those_between_rays_and_surface() -> None:
+    camera = CAMERAS[0]
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.04)
+    X_WO = make_pose(p=(0.52, 0.03, 0.04))
+    image = DepthRenderer(ball).trace(X_WO, camera)
+    view = DepthView(image.depth_m, image.intrinsics, camera.X_WC)
+    on_ball = image.depth_m < table_depth(pixel_rays(camera.intrinsics), camera.X_WC, 0.0)
+    assert (image.cosines[~on_ball] == 1.0).all()
+    p_WPs = view.points()[on_ball.ravel()]
+    normals = (p_WPs - X_WO[:3, 3]) / 0.04
+    rays = p_WPs - camera.X_WC[:3, 3]
+    expected = -np.einsum("ni,ni->n", normals, rays) / np.linalg.norm(rays, axis=1)
+    assert np.abs(image.cosines[on_ball] - expected).max() < 0.03
+    assert image.cosines[on_ball].min() < 0.1
 
 
-def test_resting_mugs_lie_on_the_table_in_the_workspace(resting: RestingPoses) -> None:
-    mesh, rng = load_mug("train_002").body.mesh, np.random.default_rng(0)
-    half = Workspace().edge_m / 2.0
-    for _ in range(60):
-        X_WO = resting.sample(rng)
-        p_Ws = transform_points(X_WO, mesh.vertices)
-        assert p_Ws[:, 2].min() == pytest.approx(0.0, abs=1e-9)
-        assert np.abs(p_Ws[:, :2] - (0.5, 0.0)).max() < half
+def test_a_rectangle_of_the_image_shows_the_same() -> None:
+    camera, mug = CAMERAS[1], load_mug("train_002")
+    X_WO, renderer = make_pose(p=(0.52, 0.03, 0.0)), DepthRenderer(mug.body.mesh)
+    whole = renderer.render(X_WO, camera)
+    part = renderer.trace(X_WO, camera, p_WShowns=np.array([[0.4, 0.0, 0.0]]))
+    assert part.depth_m.size < whole.depth_m.size / 4
+    cropped = DepthView(part.depth_m, part.intrinsics, camera.X_WC)
+    assert np.allclose(cropped.points(0.001), whole.points(0.001), atol=1e-6)
+    shown = cropped.points()
+    assert np.linalg.norm(shown - (0.4, 0.0, 0.0), axis=1).min() < 0.002
 
 
-def test_mugs_stand_lie_and_are_never_upside_down(resting: RestingPoses) -> None:
-    rng = np.random.default_rng(1)
-    cosines = np.array([resting.sample(rng)[2, 2] for _ in range(400)])
-    tilt = 5.0 * PlacementConfig().tilt_rad
-    assert cosines.min() > UPSIDE_DOWN_COS - tilt
-    assert 0.2 < (cosines > 0.9).mean() < 0.6
-    assert (np.abs(cosines) < 0.5).mean() > 0.3
-
-
-def test_draws_follow_the_seed(resting: RestingPoses) -> None:
-    first = resting.sample(np.random.default_rng(5))
-    assert np.array_equal(first, resting.sample(np.random.default_rng(5)))
-
-
-def test_large_objects_and_wrong_shares_are_refused() -> None:
-    plate = trimesh.creation.box((0.4, 0.4, 0.01))
-    resting = RestingPoses(plate, np.zeros(3), Workspace())
-    with pytest.raises(ValueError, match="does not fit the workspace"):
-        resting.sample(np.random.default_rng(0))
-    with pytest.raises(ValueError, match="add up to 1"):
-        PlacementConfig(upright_share=0.8, rare_share=0.3)
+def test_the_table_can_be_raised() -> None:
+    camera = CAMERAS[1]
+    box = trimesh.creation.box((0.01, 0.01, 0.01))
+    image = DepthRenderer(box).trace(make_pose(p=(0.5, 0.0, -0.1)), camera, table_z_m=0.02)
+    points = DepthView(image.depth_m, image.intrinsics, camera.X_WC).points()
+    assert np.abs(points[:, 2] - 0.02).max() < 1e-5
 
 
 def test_scenes_from_rendered_views_lie_on_the_mug() -> None:

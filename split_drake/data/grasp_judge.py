@@ -155,14 +155,26 @@ def _hands(openings_m: Array) -> Iterator[tuple[NDArray[np.int_], tuple[Box, ...
         yield np.flatnonzero(bins == opening_m), gripper_boxes(float(opening_m))
 
 
-def feasible(X_WO: Array, X_OGs: Array, openings_m: Array) -> NDArray[np.bool_]:
-    """Return (N,): whether the hand clears the table and comes from above, the object at X_WO.
+def hand_corners(X_OGs: Array, openings_m: Array) -> Array:
+    """Return (N, K, 3) the corners in O of the boxes that make up the opened hands."""
+    p_GCorners = np.zeros((len(X_OGs), 8 * len(gripper_boxes(MAX_OPENING_M)), 3))
+    for chosen, boxes in _hands(openings_m):
+        p_GCorners[chosen] = np.concatenate(
+            [trimesh.bounds.corners([box.lower, box.upper]) for box in boxes]
+        )
+    return transform_points(X_OGs, p_GCorners)
+
+
+def reachable(X_WO: Array, X_OGs: Array, p_OCorners: Array) -> NDArray[np.bool_]:
+    """Return (N,): whether hands with these corners (N, K, 3) clear the table z = 0 of W.
 
     The approach must be within 90 degrees of straight down (paper section V).
     """
-    X_WGs = X_WO @ X_OGs
-    lowest = np.full(len(X_WGs), np.inf)
-    for chosen, boxes in _hands(openings_m):
-        corners = np.concatenate([trimesh.bounds.corners([b.lower, b.upper]) for b in boxes])
-        lowest[chosen] = transform_points(X_WGs[chosen], corners)[..., 2].min(axis=1)
-    return (lowest > TABLE_CLEARANCE_M) & (X_WGs[:, 2, 2] < 0.0)
+    z_WO = X_WO[2, :3]
+    lowest_m = (p_OCorners @ z_WO).min(axis=1) + X_WO[2, 3]
+    return (lowest_m > TABLE_CLEARANCE_M) & (X_OGs[:, :3, 2] @ z_WO < 0.0)
+
+
+def feasible(X_WO: Array, X_OGs: Array, openings_m: Array) -> NDArray[np.bool_]:
+    """Return (N,): whether the hand clears the table and comes from above, the object at X_WO."""
+    return reachable(X_WO, X_OGs, hand_corners(X_OGs, openings_m))

@@ -1,6 +1,6 @@
 """Depth images of one mesh on the table, by ray casting: what the training scenes are made of."""
 
-from functools import lru_cache
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
@@ -13,25 +13,15 @@ from split_drake.layout import CameraPlacement
 from split_drake.poses import Array, invert_pose, transform_points
 
 
-@lru_cache(maxsize=8)
-def _table_depth(
-    intrinsics: Intrinsics, down_C: tuple[float, float, float], height_m: float
-) -> NDArray[np.float32]:
-    """Return (H, W) depth of the plane z = 0 of W, inf where a ray doesn't meet it.
+def table_depth(d_Cs: NDArray[np.float32], X_WC: Array, table_z_m: float) -> NDArray[np.float32]:
+    """Return (H, W) how far along rays `d_Cs` (H, W, 3) a plane z = `table_z_m` of W lies.
 
-    `down_C` is -z_W in C, `height_m` the camera's height above the plane.
+    The camera is at X_WC (4, 4); inf where a ray doesn't meet the plane.
     """
-    descent = pixel_rays(intrinsics) @ np.array(down_C, dtype=np.float32)
+    descent = d_Cs @ -X_WC[2, :3].astype(np.float32)
+    height_m = np.float32(X_WC[2, 3] - table_z_m)
     with np.errstate(divide="ignore"):
-        depth = np.where(descent > 0.0, height_m / descent, np.inf).astype(np.float32)
-    depth.setflags(write=False)
-    return depth
-
-
-def table_depth(camera: CameraPlacement) -> NDArray[np.float32]:
-    """Return (H, W) depth in metres of the empty table, an infinite plane; read-only."""
-    x, y, z = (float(value) for value in -camera.X_WC[2, :3])
-    return _table_depth(camera.intrinsics, (x, y, z), float(camera.X_WC[2, 3]))
+        return np.where(descent > 0.0, height_m / descent, np.float32(np.inf))
 
 
 class RayCaster:
@@ -57,34 +47,102 @@ class RayCaster:
         return np.where(faces >= 0, hits["tfar"], np.inf).astype(np.float32), faces
 
 
+@dataclass(frozen=True)
+class RayImage:
+    """What the rays through a camera's pixels meet, or those of a rectangle of its image.
+
+    Attributes:
+        depth_m: (H, W) along z_C; inf where a ray meets nothing.
+        cosines: (H, W) of the angle between a ray and the normal of the object's surface where it
+            meets that; 1 elsewhere.
+        intrinsics: of these pixels.
+    """
+
+    depth_m: NDArray[np.float32]
+    cosines: NDArray[np.float32]
+    intrinsics: Intrinsics
+
+
 class DepthRenderer:
     """Renders one rigid mesh standing on an infinite table."""
 
     def __init__(self, mesh: trimesh.Trimesh) -> None:
         self._caster = RayCaster(mesh)
+        self._normals_O = np.asarray(mesh.face_normals, dtype=np.float32)
         self._p_OCorners = trimesh.bounds.corners(mesh.bounds)
 
     def render(self, X_WO: Array, camera: CameraPlacement) -> DepthView:
         """Return the depth image (no noise) of the mesh at X_WO as `camera` sees it."""
-        X_CO = invert_pose(camera.X_WC) @ X_WO
-        depth = table_depth(camera).copy()
-        window = self._window(X_CO, camera.intrinsics)
-        d_Cs = pixel_rays(camera.intrinsics)[window]
-        R_CO = X_CO[:3, :3].astype(np.float32)
-        distances, _ = self._caster.cast(invert_pose(X_CO)[:3, 3], d_Cs.reshape(-1, 3) @ R_CO)
-        depth[window] = np.minimum(depth[window], distances.reshape(d_Cs.shape[:2]))
-        return DepthView(depth, camera.intrinsics, camera.X_WC)
+        image = self.trace(X_WO, camera)
+        return DepthView(image.depth_m, image.intrinsics, camera.X_WC)
 
-    def _window(self, X_CO: Array, intrinsics: Intrinsics) -> tuple[slice, slice]:
-        """Return the rows and columns that the mesh's bounding box covers.
+    def trace(
+        self,
+        X_WO: Array,
+        camera: CameraPlacement,
+        table_z_m: float = 0.0,
+        p_WShowns: Array | None = None,
+    ) -> RayImage:
+        """Return what `camera` sees of the mesh at X_WO and of a table at height `table_z_m` in W.
 
-        Raises ValueError where the box reaches behind the camera.
+        Given points `p_WShowns` (N, 3), only the rectangle of the image that holds them and the
+        mesh is traced.
+
+        Raises ValueError where the mesh or one of the points lies behind the camera.
         """
-        x, y, z = transform_points(X_CO, self._p_OCorners).T
-        if z.min() <= 0.0:
-            raise ValueError(f"the object reaches {z.min():.3f} m behind the camera")
-        u = x / z * intrinsics.fx + intrinsics.cx
-        v = y / z * intrinsics.fy + intrinsics.cy
-        rows = np.clip([np.floor(v.min()), np.ceil(v.max()) + 1], 0, intrinsics.height)
-        columns = np.clip([np.floor(u.min()), np.ceil(u.max()) + 1], 0, intrinsics.width)
-        return slice(*rows.astype(int)), slice(*columns.astype(int))
+        X_CW = invert_pose(camera.X_WC)
+        p_CCorners = transform_points(X_CW @ X_WO, self._p_OCorners)
+        window = _window(p_CCorners, camera.intrinsics)
+        shown = (slice(0, camera.intrinsics.height), slice(0, camera.intrinsics.width))
+        if p_WShowns is not None:
+            p_CShowns = transform_points(X_CW, p_WShowns)
+            shown = _window(np.vstack([p_CCorners, p_CShowns]), camera.intrinsics)
+        rays = pixel_rays(camera.intrinsics)
+        depth = table_depth(rays[shown], camera.X_WC, table_z_m)
+        cosines = np.ones_like(depth)
+        inner = tuple(
+            slice(part.start - whole.start, part.stop - whole.start)
+            for part, whole in zip(window, shown, strict=True)
+        )
+        distances, angles = self._meet(X_CW @ X_WO, rays[window])
+        nearer = distances < depth[inner]
+        depth[inner][nearer] = distances[nearer]
+        cosines[inner][nearer] = angles[nearer]
+        return RayImage(depth, cosines, _cropped(camera.intrinsics, shown))
+
+    def _meet(
+        self, X_CO: Array, d_Cs: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return (H, W) distances along rays (H, W, 3) to the mesh, and the cosines there."""
+        d_Os = d_Cs.reshape(-1, 3) @ X_CO[:3, :3].astype(np.float32)
+        distances, faces = self._caster.cast(invert_pose(X_CO)[:3, 3], d_Os)
+        cosines = np.abs(np.einsum("ni,ni->n", self._normals_O[faces], d_Os))
+        cosines /= np.linalg.norm(d_Os, axis=1)
+        return distances.reshape(d_Cs.shape[:2]), cosines.reshape(d_Cs.shape[:2])
+
+
+def _window(p_CPs: Array, intrinsics: Intrinsics) -> tuple[slice, slice]:
+    """Return the rows and columns of the image that points (N, 3) cover.
+
+    Raises ValueError where one lies behind the camera.
+    """
+    x, y, z = p_CPs.T
+    if z.min() <= 0.0:
+        raise ValueError(f"what is to be seen reaches {-z.min():.3f} m behind the camera")
+    u = x / z * intrinsics.fx + intrinsics.cx
+    v = y / z * intrinsics.fy + intrinsics.cy
+    rows = np.clip([np.floor(v.min()), np.ceil(v.max()) + 1], 0, intrinsics.height)
+    columns = np.clip([np.floor(u.min()), np.ceil(u.max()) + 1], 0, intrinsics.width)
+    return slice(*rows.astype(int).tolist()), slice(*columns.astype(int).tolist())
+
+
+def _cropped(intrinsics: Intrinsics, window: tuple[slice, slice]) -> Intrinsics:
+    """Return the intrinsics of a rectangle of an image."""
+    rows, columns = window
+    return replace(
+        intrinsics,
+        width=columns.stop - columns.start,
+        height=rows.stop - rows.start,
+        cx=intrinsics.cx - columns.start,
+        cy=intrinsics.cy - rows.start,
+    )
