@@ -6,17 +6,29 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from split_drake.split.context import FeatureTables, point_kernel
-from split_drake.split.network import SplitConfig, SplitNetwork
+from split_drake.split.checkpoint import default_weights, load_checkpoint
+from split_drake.split.context import FeatureTables, in_pose_axes, point_kernel
+from split_drake.split.network import ContextKind, ScoreFrame, SplitConfig, SplitNetwork
 from split_drake.split.se3 import compose, so3_exp, uniform_rotations
 
 EDGE_M = 0.3
 
 
-def small_network(context_grids: tuple[int, ...] = (0, 1, 3)) -> SplitNetwork:
+def small_network(
+    context_grids: tuple[int, ...] = (0, 1, 3),
+    context: ContextKind = "local",
+    score_frame: ScoreFrame = "sample",
+) -> SplitNetwork:
     """Return a small untrained network in inference mode."""
     torch.manual_seed(0)
-    config = SplitConfig(channels=(4, 8, 8), context_grids=context_grids, width=32, layers=4)
+    config = SplitConfig(
+        channels=(4, 8, 8),
+        context_grids=context_grids,
+        width=32,
+        layers=4,
+        context=context,
+        score_frame=score_frame,
+    )
     return SplitNetwork(config).eval()
 
 
@@ -118,7 +130,86 @@ def test_heads_answer_by_task_and_noise_level() -> None:
     assert torch.allclose(by_task[0], by_sigma[1], atol=1e-6)
 
 
-@pytest.mark.parametrize("options", [{"resolution": 32}, {"context_grids": (0, 6)}, {"layers": 2}])
+def random_scenes() -> Tensor:
+    """Return two scenes (2, 64, 64, 64), a blob each."""
+    scenes = torch.zeros(2, 64, 64, 64, dtype=torch.bool)
+    scenes[0, 20:32, 24:36, 24:36] = True
+    scenes[1, 30:36, 10:30, 24:50] = True
+    return scenes
+
+
+def random_poses() -> Tensor:
+    """Return poses (2, 5, 4, 4) in V."""
+    R = uniform_rotations((2, 5), torch.Generator().manual_seed(0))
+    return compose(R, 0.1 + 0.1 * torch.rand(2, 5, 3, generator=torch.Generator().manual_seed(1)))
+
+
+def test_a_global_context_is_the_scene_and_the_pose_but_not_what_is_around_it() -> None:
+    network = small_network(context="global")
+    X_VPs = random_poses()
+    with torch.inference_mode():
+        context = network.local_context(network.encode(random_scenes()), X_VPs)
+    assert context.shape[-1] == network.config.context_width
+    latent, p_scaled, R = context.split([network.config.latent_width, 3, 9], -1)
+    assert torch.equal(latent, latent[:, :1].expand_as(latent)), "the same for all poses of a scene"
+    assert (latent[0] - latent[1]).abs().max() > 1e-4, "another scene has another latent"
+    assert torch.allclose(0.5 * (p_scaled + 1.0) * EDGE_M, X_VPs[..., :3, 3], atol=1e-6)
+    assert torch.equal(R.unflatten(-1, (3, 3)), X_VPs[..., :3, :3])
+
+
+def test_a_global_latent_tells_places_in_the_scene_apart() -> None:
+    """Pooled over the scene, it could not say where the object is."""
+    network = small_network(context="global")
+    scenes = torch.zeros(2, 64, 64, 64, dtype=torch.bool)
+    scenes[0, 8:16, 28:36, 28:36] = True
+    scenes[1, 40:48, 28:36, 28:36] = True  # four coarsest cells further
+    with torch.inference_mode():
+        latents = network.encode(scenes).tables[0]
+    assert (latents[0] - latents[1]).abs().max() > 1e-4
+
+
+@pytest.mark.parametrize("context", ["local", "global"])
+def test_scores_in_global_axes_come_back_in_those_of_the_pose(context: ContextKind) -> None:
+    network = small_network(context=context, score_frame="global")
+    X_VPs = random_poses()
+    motion_V = torch.tensor([0.3, -0.2, 0.1, 1.0, -2.0, 0.5])
+    torch.nn.init.zeros_(network.score_head.output.weight)
+    with torch.no_grad():
+        network.score_head.output.bias.copy_(motion_V)
+    with torch.inference_mode():
+        poses = network.local_context(network.encode(random_scenes()), X_VPs)
+        score = network.score(poses, torch.arange(2), torch.full((2,), 0.3))
+    R_VPs = X_VPs[..., :3, :3]
+    for part in (slice(0, 3), slice(3, 6)):
+        p_Vs = (R_VPs @ score[..., part, None])[..., 0]
+        assert torch.allclose(p_Vs, motion_V[part].expand_as(p_Vs), atol=1e-6)
+
+
+def test_axes_change_in_full_precision_under_autocast() -> None:
+    R = random_poses()[0, :, :3, :3]
+    motions = torch.tensor([[0.1234567, 0.7654321, -0.5, 1.1, -0.123, 0.987]]).expand(5, 6)
+    with torch.autocast("cpu", torch.bfloat16):
+        turned = in_pose_axes(motions, R)
+    expected = torch.cat([(v[:, None] @ R)[:, 0] for v in motions.split(3, -1)], -1)
+    assert torch.allclose(turned, expected, atol=1e-6)
+
+
+def test_weights_from_before_there_were_variants_are_split() -> None:
+    network, info = load_checkpoint(default_weights())
+    assert (info.config.context, info.config.score_frame) == ("local", "sample")
+    assert network.config.pose_width == 0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"resolution": 32},
+        {"context_grids": (0, 6)},
+        {"layers": 2},
+        {"context": "nearby"},
+        {"score_frame": "robot"},
+    ],
+)
 def test_impossible_architectures_are_errors(options: dict[str, object]) -> None:
     (name,) = options
     with pytest.raises(ValueError, match=name):

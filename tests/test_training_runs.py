@@ -1,9 +1,12 @@
 """Training runs: they learn, stop at Ctrl-C, go on, and never overwrite one another."""
 
-import json
 import signal
+import subprocess
+import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -13,18 +16,29 @@ from split_drake.data.dataset import file_sha256
 from split_drake.split.checkpoint import CheckpointError, default_weights, load_checkpoint
 from split_drake.split.network import TASKS
 from split_drake.training import losses, trainer
+from split_drake.training.run_folder import RunFolder
 from split_drake.training.train import TrainConfig, train
 
 
-@pytest.fixture
-def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TrainConfig:
-    """Return a short run on the posts, which stand in for a data set on disk."""
+@pytest.fixture(autouse=True)
+def posts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have posts stand in for any data set on disk."""
     monkeypatch.setattr(
         "split_drake.training.train.MugDataset.open", staticmethod(lambda folder: make_scenes())
     )
+
+
+@pytest.fixture
+def options(tmp_path: Path) -> TrainConfig:
+    """Return a run of 40 steps."""
+    return short_run(tmp_path / "run")
+
+
+def short_run(out: Path) -> TrainConfig:
+    """Return a run of 40 steps with four lines of curves, saved at its end."""
     return TrainConfig(
-        data=tmp_path / "posts",
-        out=tmp_path / "run",
+        data=out / "posts",
+        out=out,
         steps=40,
         device="cpu",
         log_steps=10,
@@ -34,17 +48,18 @@ def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TrainConfig:
     )
 
 
-def read_curves(folder: Path) -> list[dict[str, float]]:
+def curves_of(run: TrainConfig) -> list[dict[str, Any]]:
     """Return the lines of a run's curves."""
-    return [json.loads(line) for line in (folder / "curves.jsonl").read_text().splitlines()]
+    return RunFolder(run.out).read_curves()
 
 
 def test_a_run_learns_and_exports_its_weights(options: TrainConfig) -> None:
     train(options)
-    curves = read_curves(options.out)
+    curves = curves_of(options)
     assert [line["step"] for line in curves] == [10, 20, 30, 40]
-    for task in TASKS:
-        assert curves[-1][task] < 0.9 * curves[0][task]
+    first, last = (sum(line[task] for task in TASKS) for line in (curves[0], curves[-1]))
+    assert last < 0.9 * first
+    assert curves[-1]["focal"] < 0.7 * curves[0]["focal"]
     network, info = load_checkpoint(options.out / "split.safetensors")
     assert (info.steps, info.scenes, info.dataset_hash) == (40, 160, "post")
     assert network.config == NETWORK
@@ -80,14 +95,69 @@ def test_a_run_resumed_after_ctrl_c_is_the_run_that_was_not_interrupted(
         assert torch.allclose(value, found[0].state_dict()[name], atol=1e-5), name
 
 
+@pytest.fixture
+def one_thread() -> Iterator[None]:
+    """Sums come out in one order only where there is one thread."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def killed_run(out: Path) -> TrainConfig:
+    """Return a run of 20 steps that is saved every 5."""
+    return replace(short_run(out), steps=20, log_steps=5, save_minutes=0.0)
+
+
+# Run in a process of its own; it is given the folder of the run, and the step to be killed in.
+RUN_AND_BE_KILLED = """
+import os, signal, sys
+from pathlib import Path
+import torch
+from helpers_training import make_scenes
+from test_training_runs import killed_run
+from split_drake.training import train, trainer
+
+torch.set_num_threads(1)
+take_step = trainer.Trainer.take_step
+
+def killed(engine, progress):
+    if engine.step == int(sys.argv[2]):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return take_step(engine, progress)
+
+trainer.Trainer.take_step = killed
+train.MugDataset.open = staticmethod(lambda folder: make_scenes())
+train.train(killed_run(Path(sys.argv[1])))
+"""
+
+
+@pytest.mark.usefixtures("one_thread")
+def test_a_killed_run_ends_to_the_bit_where_one_that_was_not_killed_does(tmp_path: Path) -> None:
+    whole, broken = killed_run(tmp_path / "whole"), killed_run(tmp_path / "broken")
+    train(whole)
+    command = [sys.executable, "-c", RUN_AND_BE_KILLED, str(broken.out), "13"]
+    process = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True)
+    assert process.returncode == -signal.SIGKILL, process.stderr
+    assert torch.load(broken.out / "state.pt")["step"] == 10
+    train(replace(broken, resume=True))
+    expected, found = (load_checkpoint(run.out / "split.safetensors") for run in (whole, broken))
+    assert expected[1] == found[1]
+    for name, value in expected[0].state_dict().items():
+        assert torch.equal(value, found[0].state_dict()[name]), name
+    for lines in zip(curves_of(whole), curves_of(broken), strict=True):
+        once, resumed = ({k: v for k, v in line.items() if k != "minutes"} for line in lines)
+        assert once == resumed
+
+
 def test_resuming_continues_the_curves(options: TrainConfig) -> None:
     train(replace(options, steps=20))
     curves = options.out / "curves.jsonl"
     with curves.open("a") as file:
         file.write('{"step": 30}\n{"step": 4')
     train(replace(options, resume=True, steps=30))
-    assert [line["step"] for line in read_curves(options.out)] == [10, 20, 30]
-    assert "grasp" in read_curves(options.out)[-1], "what was beyond the state is trained again"
+    assert [line["step"] for line in curves_of(options)] == [10, 20, 30]
+    assert "grasp" in curves_of(options)[-1], "what was beyond the state is trained again"
     with pytest.raises(SystemExit, match="other values of seed;"):
         train(replace(options, resume=True, seed=1))
 
@@ -120,7 +190,7 @@ def test_a_run_killed_before_its_first_save_starts_anew(options: TrainConfig, re
     train(replace(options, steps=10))
     (options.out / "state.pt").unlink()
     train(replace(options, steps=10, resume=resume))
-    assert [line["step"] for line in read_curves(options.out)] == [10]
+    assert [line["step"] for line in curves_of(options)] == [10]
     (options.out / "state.pt").unlink()
     with pytest.raises(SystemExit, match="other values of seed;"):
         train(replace(options, seed=1))
@@ -131,7 +201,7 @@ def test_a_run_can_start_from_a_checkpoint(options: TrainConfig) -> None:
     first = options.out / "split.safetensors"
     further = replace(options, out=options.out / "further", init=first, steps=10)
     train(further)
-    start, learned = read_curves(options.out)[0], read_curves(further.out)[0]
+    start, learned = curves_of(options)[0], curves_of(further)[0]
     assert learned["upright"] < start["upright"]
     _, info = load_checkpoint(further.out / "split.safetensors")
     assert info.parent is not None

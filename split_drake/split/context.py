@@ -15,12 +15,32 @@ def point_kernel(offset_m: float) -> Tensor:
     return torch.cat([torch.zeros(1, 3), torch.stack([axes, -axes], 1).reshape(6, 3)])
 
 
+def pose_numbers(X_VPs: Tensor, edge_m: float) -> Tensor:
+    """Return position and rotation of poses (..., 4, 4) as numbers (..., 12) of about -1 to 1.
+
+    First the position's three, -1 and 1 at the faces of the cube, then the rotation's nine by rows.
+    """
+    p_scaled = 2.0 * X_VPs[..., :3, 3] / edge_m - 1.0
+    return torch.cat([p_scaled, X_VPs[..., :3, :3].flatten(-2)], -1)
+
+
+def in_pose_axes(motions_V: Tensor, R_VPs: Tensor) -> Tensor:
+    """Return the motions [v, omega] (..., 6) of poses, given in V's axes, in the poses' own.
+
+    Both are motions of the pose's origin: only the axes change, by the rotations (..., 3, 3).
+    """
+    # Written out, as autocast would round the rotations of a matrix product.
+    rows = motions_V.unflatten(-1, (2, 3))[..., None] * R_VPs[..., None, :, :]
+    return rows.sum(-2).flatten(-2)
+
+
 @dataclass(frozen=True)
 class FeatureTables:
     """Feature grids of a batch of B scenes, one row per cell, ready to be looked up many times.
 
     A grid of n cells divides the cube evenly; a cell's features are those of its centre.  So the
     same surroundings give the same context wherever they are, up to the coarsest grid's cells.
+    A grid of one cell is the same everywhere.
 
     Attributes:
         tables: for each grid, (B * n^3, C) rows in the order [scene, x, y, z].
@@ -59,6 +79,8 @@ class FeatureTables:
     @staticmethod
     def _lookup_grid(table: Tensor, size: int, share: Tensor, scene: Tensor) -> Tensor:
         """Return features (Q, C) of one grid at shares (Q, 3) of the edges of scenes (Q,)."""
+        if size == 1:
+            return table[scene]
         cells = (share * size - 0.5).clamp(0.0, size - 1.0)
         low = cells.floor().clamp(max=size - 2.0)
         high_share = cells - low

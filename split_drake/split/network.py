@@ -6,22 +6,29 @@ anywhere: poses are X_VP, the table is at `SplitConfig.table_m` along z.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
 from split_drake.pose_set import PoseTask
-from split_drake.split.context import FeatureTables, point_kernel
+from split_drake.split.context import FeatureTables, in_pose_axes, point_kernel, pose_numbers
 from split_drake.split.diffusion import NoiseSchedule
 
 TASKS = (PoseTask.GRASP, PoseTask.HANDLE, PoseTask.UPRIGHT)
 INPUT_CHANNELS = 2  # occupied; below the table
 
+ContextKind = Literal["local", "global"]
+ScoreFrame = Literal["sample", "global"]
+
 
 @dataclass(frozen=True)
 class SplitConfig:
     """What it takes to rebuild a network.
+
+    The defaults are SPLIT; the other values of `context` and `score_frame` take away one of its two
+    ideas each, locality and symmetry (paper IV-B), and exist for `split_drake.training.ablate`.
 
     Attributes:
         channels: of the encoder's blocks; each halves the resolution.
@@ -33,6 +40,11 @@ class SplitConfig:
         resolution, edge_m: of the input grid.
         table_m: height of the table above V.
         noise: schedule that the score head was trained for.
+        context: what scores are predicted from.  "local": features at the kernel's points around
+            the pose.  "global": one latent of the whole scene and the numbers of the pose, as in
+            SE(3)-DiffusionFields; `context_grids` and `kernel_offset_m` have no part in it.
+        score_frame: the axes that the score head answers in: "sample", the pose's own, or "global",
+            those of V, for which it is told the pose's rotation.
     """
 
     channels: tuple[int, ...] = (16, 32, 64, 96, 128)
@@ -46,6 +58,8 @@ class SplitConfig:
     edge_m: float = 0.3
     table_m: float = 0.05
     noise: NoiseSchedule = field(default_factory=NoiseSchedule)
+    context: ContextKind = "local"
+    score_frame: ScoreFrame = "sample"
 
     def __post_init__(self) -> None:
         needed = 2 ** (len(self.channels) + 1)
@@ -58,12 +72,29 @@ class SplitConfig:
             )
         if self.layers < 3:
             raise ValueError(f"layers is {self.layers}; expected at least 3")
+        for name, choices in (("context", ContextKind), ("score_frame", ScoreFrame)):
+            if (value := getattr(self, name)) not in get_args(choices):
+                raise ValueError(f"{name} is {value!r}; expected one of {get_args(choices)}")
+
+    @property
+    def latent_width(self) -> int:
+        """Features of a scene in the global context: about as many parameters as the local one."""
+        return 2 * self.width
+
+    @property
+    def pose_width(self) -> int:
+        """How many of the `pose_numbers`, the last of them, stand at the end of a context."""
+        if self.context == "global":
+            return 12
+        return 9 if self.score_frame == "global" else 0
 
     @property
     def context_width(self) -> int:
-        """Features of a pose's context: those of all grids at each of the seven points."""
+        """Features of a pose's context: those of the scene, then numbers of the pose itself."""
+        if self.context == "global":
+            return self.latent_width + self.pose_width
         channels = (INPUT_CHANNELS, *self.channels)
-        return 7 * sum(channels[grid] for grid in self.context_grids)
+        return 7 * sum(channels[grid] for grid in self.context_grids) + self.pose_width
 
 
 class ConvLayer(nn.Sequential):
@@ -119,6 +150,19 @@ class Encoder(nn.Module):
         return grids
 
 
+class SceneLatent(nn.Sequential):
+    """One vector of a whole scene, from all cells of its coarsest grid."""
+
+    def __init__(self, config: SplitConfig) -> None:
+        cells = (config.resolution // 2 ** len(config.channels)) ** 3
+        super().__init__(
+            nn.Flatten(),
+            nn.Linear(config.channels[-1] * cells, config.latent_width),
+            nn.SiLU(),
+            nn.Linear(config.latent_width, config.latent_width),
+        )
+
+
 class FilmMlp(nn.Module):
     """A residual MLP whose hidden layers are scaled and shifted by a condition (FiLM)."""
 
@@ -156,6 +200,7 @@ class SplitNetwork(nn.Module):
         self.config = config
         condition = config.condition_width
         self.encoder = Encoder(config.channels)
+        self.latent = SceneLatent(config) if config.context == "global" else None
         self.score_condition = nn.Sequential(
             nn.Linear(len(TASKS) + 2 * config.frequencies, condition),
             nn.SiLU(),
@@ -166,7 +211,9 @@ class SplitNetwork(nn.Module):
         shape = (config.width, config.layers)
         self.score_head = FilmMlp(config.context_width, condition, 6, *shape)
         self.evaluator_head = FilmMlp(config.context_width, condition, 1, *shape)
-        self.register_buffer("kernel", point_kernel(config.kernel_offset_m))
+        kernel = point_kernel(config.kernel_offset_m)
+        # A latent is the same at all points: the centre is enough.
+        self.register_buffer("kernel", kernel if config.context == "local" else kernel[:1])
         self.register_buffer("frequencies", torch.randn(config.frequencies))
 
     @property
@@ -182,12 +229,19 @@ class SplitNetwork(nn.Module):
         below = (heights_m < config.table_m).expand(occupied.shape)
         x = torch.stack([occupied, below], 1).float()
         grids = self.encoder(x.contiguous(memory_format=torch.channels_last_3d))
-        chosen = [grids[i] for i in config.context_grids]
+        if self.latent is not None:
+            chosen = [self.latent(grids[-1])[:, :, None, None, None]]
+        else:
+            chosen = [grids[i] for i in config.context_grids]
         return FeatureTables.from_grids(chosen, config.edge_m)
 
     def local_context(self, tables: FeatureTables, X_VPs: Tensor) -> Tensor:
-        """Return the local context (B, N, context_width) of poses (B, N, 4, 4)."""
-        return tables.around(X_VPs, self.kernel)
+        """Return the context (B, N, context_width) of poses (B, N, 4, 4)."""
+        context = tables.around(X_VPs, self.kernel)
+        if not self.config.pose_width:
+            return context
+        numbers = pose_numbers(X_VPs, tables.edge_m)
+        return torch.cat([context, numbers[..., -self.config.pose_width :]], -1)
 
     def score(self, context: Tensor, tasks: Tensor, sigma: Tensor) -> Tensor:
         """Return sigma * score (G, N, 6) in the poses' frames, units [length_m, rad].
@@ -200,7 +254,10 @@ class SplitNetwork(nn.Module):
         angle = torch.log(sigma)[:, None] * self.frequencies
         one_hot = functional.one_hot(tasks, len(TASKS)).to(angle)
         condition = torch.cat([one_hot, angle.sin(), angle.cos()], -1)
-        return self.score_head(context, self.score_condition(condition))
+        score = self.score_head(context, self.score_condition(condition))
+        if self.config.score_frame == "sample":
+            return score
+        return in_pose_axes(score, context[..., -9:].unflatten(-1, (3, 3)))
 
     def evaluate(self, context: Tensor, tasks: Tensor) -> Tensor:
         """Return logits (G, N) that poses are right, for contexts (G, N, ...), tasks (G,)."""

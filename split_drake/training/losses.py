@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from split_drake.split.network import TASKS, SplitNetwork
+from split_drake.split.network import SplitNetwork
 from split_drake.training.batches import TrainingBatch
 
 FOCAL_WEIGHT = 0.1
@@ -19,7 +19,7 @@ class Losses:
     """The terms of the loss.
 
     Attributes:
-        denoising: (3,) mean squared error of sigma * score by task, in the order of `TASKS`; 1 is
+        denoising: (T,) mean squared error of sigma * score by task, of `BatchConfig.tasks`; 1 is
             what a network that always answers 0 reaches, about.
         focal: of the evaluator.
     """
@@ -29,7 +29,7 @@ class Losses:
 
     @property
     def total(self) -> Tensor:
-        """What is minimised: all tasks count the same."""
+        """What is minimised: all tasks that are trained count the same."""
         return self.denoising.mean() + FOCAL_WEIGHT * self.focal
 
 
@@ -61,7 +61,7 @@ def compute_losses(network: SplitNetwork, batch: TrainingBatch, bfloat16: bool) 
         )
         logits = network.evaluate(context.flatten(0, 1), tasks.reshape(-1))
     squared = (score.float().view_as(batch.target) - batch.target).square().mean((0, 2, 3))
-    by_task = [squared[batch.tasks[:groups] == task].mean() for task in range(len(TASKS))]
+    by_task = [part.mean() for part in squared.split(batch.task_groups)]
     return Losses(
         torch.stack(by_task), focal_loss(logits.float().view_as(batch.label), batch.label)
     )

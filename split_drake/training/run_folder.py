@@ -51,16 +51,16 @@ class RunFolder:
         with self.curves.open("a") as file:
             file.write(json.dumps(line) + "\n")
 
+    def read_curves(self) -> list[dict[str, Any]]:
+        """Return the lines of the curves, without one that is not, or never will be, finished."""
+        if not self.curves.exists():
+            return []
+        lines = self.curves.read_text().splitlines(keepends=True)
+        return [json.loads(line) for line in lines if line.endswith("\n")]
+
     def cut_curves(self, step: int) -> None:
         """Drop what was reported beyond `step`, which the resumed run will report again."""
-        if not self.curves.exists():
-            return
-        kept = []
-        for line in self.curves.read_text().splitlines(keepends=True):
-            # Only the last line can lack its end, where the run was killed as it wrote it.
-            if not line.endswith("\n") or json.loads(line)["step"] > step:
-                break
-            kept.append(line)
+        kept = [json.dumps(line) + "\n" for line in self.read_curves() if line["step"] <= step]
         self._write(self.curves, "".join(kept))
 
     def _require_same(self, options: dict[str, Any]) -> None:

@@ -24,12 +24,13 @@ from rich.progress import Progress
 from split_drake.data.dataset import MugDataset, file_sha256
 from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
-from split_drake.split.network import TASKS, SplitConfig
-from split_drake.training.batches import BatchConfig, TrainingScenes
+from split_drake.split.network import SplitConfig
+from split_drake.training.batches import BatchConfig
 from split_drake.training.interruption import Interruption
 from split_drake.training.losses import Losses
 from split_drake.training.run_folder import RunFolder
 from split_drake.training.trainer import OptimizerConfig, StateError, Trainer
+from split_drake.training.training_scenes import TrainingScenes
 
 
 @dataclass(frozen=True)
@@ -204,7 +205,7 @@ class Run:
             "scenes": trainer.step * config.batch.scenes,
             "minutes": round(trainer.elapsed_s / 60.0, 3),
             "learning_rate": config.optimizer.rate(trainer.step, progress),
-            **{str(task): value for task, value in zip(TASKS, denoising, strict=True)},
+            **dict(zip(map(str, config.batch.tasks), denoising, strict=True)),
             "focal": torch.stack([losses.focal for losses in window]).mean().item(),
         }
         self._folder.append_curves(line)
@@ -212,7 +213,7 @@ class Run:
         self._console.print(
             f"step {trainer.step}  {line['minutes']:.1f} min, {left_min:.0f} left  "
             f"{line['scenes'] / max(trainer.elapsed_s, 1e-6):.1f} scenes/s  "
-            + "  ".join(f"{task} {line[str(task)]:.4f}" for task in TASKS)
+            + "  ".join(f"{task} {line[str(task)]:.4f}" for task in config.batch.tasks)
             + f"  focal {line['focal']:.5f}",
             highlight=False,
         )

@@ -1,0 +1,84 @@
+"""Draw the curves of runs: ``python -m split_drake.training.curves RUN [RUN ...] --out FILE``.
+
+Runs may still be going on.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from matplotlib.figure import Figure
+
+from split_drake.poses import Array
+from split_drake.split.network import TASKS
+from split_drake.training.run_folder import RunFolder
+
+# Key in the curves, title of the panel, whether its axis is logarithmic.
+PANELS = (
+    *((str(task), f"denoising loss, {task}", True) for task in TASKS),
+    ("focal", "focal loss of the evaluator", True),
+    ("learning_rate", "learning rate", False),
+    ("scenes_per_s", "scenes a second", False),
+)
+
+
+@dataclass(frozen=True)
+class CurvesConfig:
+    """What to draw.
+
+    Attributes:
+        runs: folders of training runs, a line each in every panel.
+        out: image to write, by its suffix a PNG, PDF or SVG.
+    """
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    out: Path = Path("curves.png")
+
+    def __post_init__(self) -> None:
+        if not self.runs:
+            raise ValueError("no runs were given; expected the folder of at least one")
+
+
+def read_curves(folder: Path) -> dict[str, Array]:
+    """Return the curves of the run in `folder`, each (N,), by their keys.
+
+    "scenes_per_s" is that since the line before.  Raises ValueError where the folder has no curves.
+    """
+    lines = RunFolder(folder).read_curves()
+    if not lines:
+        raise ValueError(f"{folder} has no curves; expected the folder of a training run")
+    curves = {key: np.array([line[key] for line in lines], dtype=float) for key in lines[0]}
+    seconds = 60.0 * np.diff(curves["minutes"], prepend=0.0)
+    curves["scenes_per_s"] = np.diff(curves["scenes"], prepend=0.0) / np.maximum(seconds, 1e-9)
+    return curves
+
+
+def draw_curves(runs: dict[str, dict[str, Array]]) -> Figure:
+    """Return a figure of the curves of several runs, by their names; tasks may be missing."""
+    figure = Figure(figsize=(12.0, 6.5), layout="constrained")
+    panels = figure.subplots(2, 3, sharex=True)
+    for axes, (key, title, logarithmic) in zip(panels.flat, PANELS, strict=True):
+        for number, (name, curves) in enumerate(runs.items()):
+            if key in curves:
+                color = f"C{number}"
+                axes.plot(curves["scenes"], curves[key], color, label=name, linewidth=1.0)
+        axes.set_title(title, fontsize="medium")
+        axes.set_yscale("log" if logarithmic else "linear")
+        axes.grid(alpha=0.3)
+    for axes in panels[-1]:
+        axes.set_xlabel("scenes seen")
+    panels[-1, -1].legend(fontsize="small")
+    return figure
+
+
+def main(config: CurvesConfig) -> None:
+    """Read the runs and write the image."""
+    figure = draw_curves({str(folder): read_curves(folder) for folder in config.runs})
+    config.out.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(config.out, dpi=120)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(CurvesConfig, description=__doc__))
