@@ -15,9 +15,10 @@ def test_candidates_are_firm_and_the_first_are_far_apart() -> None:
     X_OGs, openings, qualities = candidates(load_mug("train_003"), np.random.default_rng(0))
     assert len(X_OGs) == len(openings) == SPREAD
     assert (qualities >= MIN_QUALITY).all()
-    first, last = X_OGs[:10, :3, 3], X_OGs[-10:, :3, 3]
-    assert np.ptp(first, axis=0).max() > 0.05
-    apart = np.linalg.norm(X_OGs[:, None, :3, 3] - last[None, :, :3, 3], axis=-1)
+    # The first ten span the mug; the last are between others.
+    p_OGs = X_OGs[:, :3, 3]
+    assert np.ptp(p_OGs[:10], axis=0).max() > 0.05
+    apart = np.linalg.norm(p_OGs[:, None] - p_OGs[None, -10:], axis=-1)
     assert np.sort(apart, axis=0)[1].max() < 0.03
 
 

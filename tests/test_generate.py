@@ -8,6 +8,7 @@ import pytest
 from helpers_data import make_checked, make_rests
 
 from split_drake.data import generate as generate_module
+from split_drake.data import scene_generator
 from split_drake.data.dataset import (
     CELLS,
     MANIFEST,
@@ -191,7 +192,8 @@ def test_scenes_with_too_few_true_grasps_are_drawn_again(
         patch.setattr(
             generate_module, "load_checked_grasps", lambda name: make_checked(load_mug(name), 3)
         )
-        with pytest.raises(DatasetError, match=r"none of 200 scenes of test_007 leaves 8 of"):
+        patch.setattr(scene_generator, "MAX_REDRAWS", 20)
+        with pytest.raises(DatasetError, match=r"none of 20 scenes of test_007 leaves 8 of"):
             generate_shard(config(tmp_path), NAMES[1])
     assert [path.name for path in tmp_path.iterdir()] == [f"{NAMES[0]}.npz"]
 

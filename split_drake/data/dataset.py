@@ -154,7 +154,7 @@ class MugDataset:
             return np.concatenate([shard[key] for shard in shards])
 
         return cls(
-            clouds=np.concatenate([decode_points(shard["points"], workspace) for shard in shards]),
+            clouds=_decode_all([shard.pop("points") for shard in shards], workspace),
             X_WOs=joined("X_WOs"),
             grasp_states=np.concatenate([_padded(s["grasp_states"], count, 1) for s in shards]),
             handle_points=joined("handle_points"),
@@ -167,6 +167,16 @@ class MugDataset:
             config=manifest["config"],
             dataset_hash=manifest["sha256"],
         )
+
+
+def _decode_all(cells: list[NDArray[np.uint16]], workspace: Workspace) -> NDArray[np.float32]:
+    """Return the points of all shards one after another, without a second copy of them."""
+    clouds = np.empty((sum(map(len, cells)), *cells[0].shape[1:]), dtype=np.float32)
+    start = 0
+    for part in cells:
+        clouds[start : start + len(part)] = decode_points(part, workspace)
+        start += len(part)
+    return clouds
 
 
 def _padded(array: np.ndarray, count: int, axis: int) -> np.ndarray:
