@@ -104,6 +104,21 @@ def test_all_rejected_gives_an_empty_pose_set(network: SplitNetwork) -> None:
     assert [len(found[task]) for task in TASKS] == [0, 0, 0]
 
 
+def test_an_integrator_takes_the_place_of_the_dynamics(network: SplitNetwork) -> None:
+    starts: list[np.ndarray] = []
+    detector = SplitDetector(network, SAMPLER, integrator=lambda score, X, *_, confine, callback: X)
+    samples = detector.sample(make_scene(), TASKS[:1], np.random.default_rng(0))
+    SplitDetector(network, SAMPLER).sample(
+        make_scene(),
+        TASKS[:1],
+        np.random.default_rng(0),
+        callback=lambda step, X_VPs: starts.append(X_VPs.numpy().copy()),
+    )
+    p_WPs = starts[0][0, :, :3, 3] + Workspace().p_WV
+    assert np.allclose(samples[TASKS[0]].X_WPs[:, :3, 3], p_WPs)
+    assert len(starts) == SAMPLER.langevin.steps + SAMPLER.langevin.final_steps + 1
+
+
 @pytest.mark.parametrize("options", [{"samples": 0}, {"threshold": 1.5}])
 def test_impossible_sampler_options_are_errors(options: dict[str, float]) -> None:
     (name,) = options

@@ -1,18 +1,25 @@
-"""Noise schedule, target score against automatic differentiation, and the sampler."""
+"""Noise schedule, target score against automatic differentiation, and the samplers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
 
 import pytest
 import torch
 from torch import Tensor
 
 from split_drake.split.diffusion import (
+    Integrator,
     LangevinConfig,
     NoiseSchedule,
+    ScoreFunction,
     annealed_langevin,
     displacement,
     move,
     perturb,
     target_score,
 )
+from split_drake.split.integrators import heun, multistep, predictor_corrector
 from split_drake.split.se3 import compose, so3_exp, so3_log, uniform_rotations
 
 LENGTH_M = 0.06
@@ -91,40 +98,120 @@ def mixture_score(X: Tensor, sigma: float) -> Tensor:
     return (weights[..., None] * scores).sum(0)
 
 
-def sample_mixture(seed: int, callback: list[int] | None = None) -> Tensor:
-    """Return 200 samples of the mixture."""
+LANGEVIN = LangevinConfig()
+# Integrators, and how many evaluations of the score each of them takes.
+INTEGRATORS: dict[str, tuple[Integrator, int]] = {
+    "langevin": (
+        partial(annealed_langevin, config=LANGEVIN),
+        LANGEVIN.steps + LANGEVIN.final_steps,
+    ),
+    "heun": (partial(heun, steps=8), 15),
+    "multistep": (partial(multistep, steps=15), 15),
+    "predictor_corrector": (partial(predictor_corrector, steps=8, temperature=0.2), 15),
+}
+every_integrator = pytest.mark.parametrize("name", INTEGRATORS)
+
+
+def inside(p_VPs: Tensor) -> Tensor:
+    """Return positions clamped to a cube of 0.3 m."""
+    return p_VPs.clamp(0.0, 0.3)
+
+
+@dataclass
+class Watched:
+    """A score function and a callback that count.
+
+    Attributes:
+        evaluations: of the score.
+        steps, poses: that the callback was called with.
+    """
+
+    score_of: ScoreFunction = mixture_score
+    evaluations: int = 0
+    steps: list[int] = field(default_factory=list)
+    poses: list[Tensor] = field(default_factory=list)
+
+    def score(self, X: Tensor, sigma: float) -> Tensor:
+        self.evaluations += 1
+        return self.score_of(X, sigma)
+
+    def callback(self, step: int, X: Tensor) -> None:
+        self.steps.append(step)
+        self.poses.append(X.clone())
+
+
+def sample_mixture(name: str, seed: int, watched: Watched | None = None) -> Tensor:
+    """Return 200 samples of the mixture (200, 4, 4) by an integrator."""
+    watched = watched or Watched()
     generator = torch.Generator().manual_seed(seed)
     start = random_poses(200, generator).float()
-    return annealed_langevin(
-        mixture_score,
-        start,
-        NoiseSchedule(length_m=LENGTH_M),
-        LangevinConfig(),
-        generator,
-        confine=lambda p: p.clamp(0.0, 0.3),
-        callback=None if callback is None else lambda step, _: callback.append(step),
-    )
+    integrate, _ = INTEGRATORS[name]
+    schedule = NoiseSchedule(length_m=LENGTH_M)
+    return integrate(watched.score, start, schedule, generator, inside, watched.callback)
 
 
-def test_sampler_reaches_both_modes_of_a_known_density() -> None:
-    distance = displacement(
-        two_poses()[:, None].expand(-1, 200, -1, -1), sample_mixture(0).expand(2, -1, -1, -1), 0.06
-    ).norm(dim=-1)
+@every_integrator
+def test_samplers_reach_both_modes_of_a_known_density(name: str) -> None:
+    samples = sample_mixture(name, 0).expand(2, -1, -1, -1)
+    targets = two_poses()[:, None].expand(-1, 200, -1, -1)
+    distance = displacement(targets, samples, LENGTH_M).norm(dim=-1)
     assert distance.min(0).values.max() < 0.05
     share_first = (distance[0] < distance[1]).float().mean().item()
     assert 0.2 < share_first < 0.8
 
 
-def test_sampler_depends_on_nothing_but_the_generator() -> None:
-    assert torch.equal(sample_mixture(4), sample_mixture(4))
-    assert not torch.equal(sample_mixture(4), sample_mixture(5))
+@every_integrator
+def test_samplers_depend_on_nothing_but_the_generator(name: str) -> None:
+    assert torch.equal(sample_mixture(name, 4), sample_mixture(name, 4))
+    assert not torch.equal(sample_mixture(name, 4), sample_mixture(name, 5))
 
 
-def test_callback_sees_every_step_and_the_result() -> None:
-    steps: list[int] = []
-    sample_mixture(0, callback=steps)
-    config = LangevinConfig()
-    assert steps == list(range(config.steps + config.final_steps + 1))
+@every_integrator
+def test_callback_sees_every_step_and_the_result(name: str) -> None:
+    watched = Watched()
+    samples = sample_mixture(name, 0, watched)
+    assert watched.steps == list(range(len(watched.steps)))
+    assert watched.evaluations == INTEGRATORS[name][1]
+    assert torch.equal(watched.poses[-1], samples)
+    assert not torch.equal(watched.poses[0], samples)
+
+
+@every_integrator
+def test_positions_are_confined(name: str) -> None:
+    watched = Watched(lambda X, sigma: torch.full((*X.shape[:-2], 6), -5.0))
+    sample_mixture(name, 0, watched)
+    assert min(X[..., :3, 3].min().item() for X in watched.poses) == 0.0
+
+
+def gaussian_score(X: Tensor, sigma: float) -> Tensor:
+    """Return sigma * score (N, 6) of one pose perturbed by 0.3, and then by sigma."""
+    target = two_poses()[1].double().expand(len(X), 4, 4)
+    spread = torch.full((len(X),), (0.3**2 + sigma**2) ** 0.5, dtype=torch.float64)
+    return target_score(target, X, spread, LENGTH_M) * sigma / spread[:, None]
+
+
+def flow_error(integrate: Integrator) -> float:
+    """Return how far the integrator ends from the probability flow's exact solution.
+
+    That is straight towards the pose, at a distance in proportion to the density's spread.
+    """
+    schedule = NoiseSchedule(sigma_min=0.01, sigma_max=1.0)
+    generator = torch.Generator().manual_seed(0)
+    target = two_poses()[1].double().expand(100, 4, 4)
+    start = perturb(target, torch.full((100,), 0.8, dtype=torch.float64), LENGTH_M, generator)
+    share = 0.3 / (0.3**2 + 1.0) ** 0.5
+    R_target, p_target = target[:, :3, :3], target[:, :3, 3]
+    turn = so3_exp(share * so3_log(R_target.mT @ start[:, :3, :3]))
+    exact = compose(R_target @ turn, p_target + share * (start[:, :3, 3] - p_target))
+    end = integrate(gaussian_score, start, schedule, generator, lambda p: p, lambda step, X: None)
+    return displacement(exact, end, LENGTH_M).norm(dim=-1).max().item()
+
+
+@pytest.mark.parametrize("method", [heun, multistep])
+def test_flow_is_integrated_to_second_order(method: Callable[..., Tensor]) -> None:
+    coarse, fine = (flow_error(partial(method, steps=steps)) for steps in (10, 20))
+    assert fine < coarse / 3.0
+    assert fine < 0.01
 
 
 @pytest.mark.parametrize("final_sigma", [0.01, 2.0])
@@ -133,19 +220,12 @@ def test_final_steps_outside_the_schedule_are_an_error(final_sigma: float) -> No
     start = random_poses(1, generator).float()
     config = LangevinConfig(final_sigma=final_sigma)
     with pytest.raises(ValueError, match=f"final_sigma is {final_sigma}; .* from 0.03 to 1.5"):
-        annealed_langevin(mixture_score, start, NoiseSchedule(), config, generator, lambda p: p)
-
-
-def test_positions_are_confined() -> None:
-    generator = torch.Generator().manual_seed(0)
-    lowest: list[float] = []
-    annealed_langevin(
-        lambda X, sigma: torch.full((*X.shape[:-2], 6), -5.0),
-        random_poses(20, generator).float(),
-        NoiseSchedule(),
-        LangevinConfig(),
-        generator,
-        confine=lambda p: p.clamp(0.0, 0.3),
-        callback=lambda step, X: lowest.append(X[..., :3, 3].min().item()),
-    )
-    assert min(lowest) == 0.0
+        annealed_langevin(
+            mixture_score,
+            start,
+            NoiseSchedule(),
+            generator,
+            inside,
+            lambda step, X: None,
+            config=config,
+        )

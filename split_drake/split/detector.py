@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -13,9 +14,14 @@ from split_drake.pose_set import PoseSet, PoseTask
 from split_drake.poses import Array
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
-from split_drake.split.context import FeatureTables
-from split_drake.split.diffusion import LangevinConfig, StepCallback, annealed_langevin
-from split_drake.split.network import TASKS, SplitNetwork
+from split_drake.split.diffusion import (
+    Integrator,
+    LangevinConfig,
+    StepCallback,
+    annealed_langevin,
+)
+from split_drake.split.inference import ScenePredictor
+from split_drake.split.network import SplitNetwork
 from split_drake.split.se3 import compose, uniform_rotations
 
 
@@ -59,12 +65,29 @@ class ScoredSamples:
     scores: Array
 
 
-class SplitDetector:
-    """Pose sets by SPLIT's diffusion model (paper section IV)."""
+def _ignore(step: int, X_VPs: Tensor) -> None:
+    """Do nothing: the callback where none is given."""
 
-    def __init__(self, network: SplitNetwork, config: SamplerConfig | None = None) -> None:
+
+class SplitDetector:
+    """Pose sets by SPLIT's diffusion model (paper section IV).
+
+    Args:
+        network: what it predicts with.
+        config: how samples are drawn and chosen.
+        integrator: how they move, in place of the Langevin dynamics of `config`.
+    """
+
+    def __init__(
+        self,
+        network: SplitNetwork,
+        config: SamplerConfig | None = None,
+        integrator: Integrator | None = None,
+    ) -> None:
         self._network = network.eval()
         self.config = config or SamplerConfig()
+        langevin = partial(annealed_langevin, config=self.config.langevin)
+        self._integrate: Integrator = integrator or langevin
 
     @classmethod
     def from_checkpoint(cls, path: Path | None = None, config: SamplerConfig | None = None) -> Self:
@@ -107,32 +130,19 @@ class SplitDetector:
         network, edge_m = self._network, self._network.config.edge_m
         generator = torch.Generator(network.device)
         generator.manual_seed(int(rng.integers(2**63)))
-        tables = network.encode(torch.tensor(scene.grid(), device=network.device)[None])
-        indices = torch.tensor([TASKS.index(task) for task in tasks], device=network.device)
-
-        def score(X_VPs: Tensor, sigma: float) -> Tensor:
-            sigmas = torch.full((len(tasks),), sigma, device=network.device)
-            return network.score(self._context(tables, X_VPs), indices, sigmas)
-
-        X_VPs = annealed_langevin(
-            score,
+        predictor = ScenePredictor(network, torch.tensor(scene.grid()), tasks)
+        X_VPs = self._integrate(
+            predictor.score,
             self._start(scene, len(tasks), generator),
             network.config.noise,
-            self.config.langevin,
             generator,
             confine=lambda p_VPs: p_VPs.clamp(0.0, edge_m),
-            callback=callback,
+            callback=callback or _ignore,
         )
-        logits = network.evaluate(self._context(tables, X_VPs), indices)
+        scores = torch.sigmoid(predictor.evaluate(X_VPs).double()).cpu().numpy()
         X_WPs = X_VPs.double().cpu().numpy()
         X_WPs[..., :3, 3] += scene.workspace.p_WV
-        scores = torch.sigmoid(logits.double()).cpu().numpy()
         return {task: ScoredSamples(X_WPs[i], scores[i]) for i, task in enumerate(tasks)}
-
-    def _context(self, tables: FeatureTables, X_VPs: Tensor) -> Tensor:
-        """Return contexts (T, N, C) of poses (T, N, 4, 4) of one scene."""
-        context = self._network.local_context(tables, X_VPs.flatten(0, 1)[None])
-        return context.view(*X_VPs.shape[:2], -1)
 
     def _start(self, scene: Scene, tasks: int, generator: torch.Generator) -> Tensor:
         """Return uniformly random poses (tasks, samples, 4, 4) in V around the scene's points."""

@@ -15,14 +15,15 @@ Differs from the paper:
   automatic differentiation; this one has the closed form above, and a step along it leads to X.
 - sigma is from 0.03 to 1.5, not 0.02 to 0.1, whose units are left open: rotations start uniform on
   SO(3), where 0.1 rad is no noise.
-- 20 noisy steps at temperature 0.2, then 2 without noise, instead of 100 at temperature 1: what is
-  wanted are the modes, and quickly, not the whole density.
+- 15 noisy steps at temperature 0.2, then 1 without noise, instead of 100 at temperature 1: what is
+  wanted are the modes, and quickly, not the whole density.  `sampler_study` compares.
 - The covariance ``sigma I`` is read as ``sigma^2 I``, as which it is sampled.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -31,8 +32,10 @@ from split_drake.split.se3 import compose, so3_exp, so3_log
 
 # (poses (..., 4, 4), sigma) -> sigma * score (..., 6) in the poses' own frames.
 ScoreFunction = Callable[[Tensor, float], Tensor]
-# Called with (step, poses before the step); `step` counts from 0.
+# Called with (step, poses before the step), and at the end with (steps, poses that are returned).
 StepCallback = Callable[[int, Tensor], None]
+# Positions (..., 3) in V, metres, to where the score is defined: inside the scene.
+Confine = Callable[[Tensor], Tensor]
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,28 @@ class NoiseSchedule:
         return self.sigma(torch.linspace(1.0, 0.0, steps, dtype=torch.float64)).tolist()
 
 
+class Integrator(Protocol):
+    """Takes poses to samples of the density whose score it is given."""
+
+    def __call__(
+        self,
+        score: ScoreFunction,
+        X: Tensor,
+        schedule: NoiseSchedule,
+        generator: torch.Generator,
+        confine: Confine,
+        callback: StepCallback,
+    ) -> Tensor:
+        """Return samples (..., 4, 4) reached from the poses `X` (..., 4, 4).
+
+        Args:
+            schedule: the noise levels that `score` was trained for.
+            generator: the only source of chance.
+            confine: applied to the positions after each step.
+            callback: sees the poses before each step, and those returned.
+        """
+
+
 def move(X: Tensor, xi: Tensor, length_m: float) -> Tensor:
     """Return the poses `X` (..., 4, 4) moved by [v / length, omega] (..., 6) in their frames."""
     R, p = X[..., :3, :3], X[..., :3, 3]
@@ -92,13 +117,21 @@ def target_score(X: Tensor, X_noisy: Tensor, sigma: Tensor, length_m: float) -> 
     return -displacement(X, X_noisy, length_m) / sigma[..., None]
 
 
+def advance(X: Tensor, xi: Tensor, schedule: NoiseSchedule, confine: Confine) -> Tensor:
+    """Return the poses `X` (..., 4, 4) moved by `xi` (..., 6), and confined."""
+    X = move(X, xi, schedule.length_m)
+    X[..., :3, 3] = confine(X[..., :3, 3])
+    return X
+
+
 @dataclass(frozen=True)
 class LangevinConfig:
     """Annealed Langevin dynamics.
 
     Attributes:
         steps: noisy steps, one for each sigma from the schedule's largest to its smallest.
-        step_scale: alpha / sigma^2 of the paper's step.
+        step_scale: alpha / sigma^2 of the paper's step; 2 leads to the mean that the score points
+            at, and a little more makes up for few steps.
         temperature: factor on the injected noise; 1 samples the learned density, less favours its
             modes.
         final_steps: noise-free steps at the end, each to the mean that the score points at.
@@ -106,10 +139,10 @@ class LangevinConfig:
             for (`annealed_langevin` checks it).
     """
 
-    steps: int = 20
-    step_scale: float = 1.6
+    steps: int = 15
+    step_scale: float = 2.2
     temperature: float = 0.2
-    final_steps: int = 2
+    final_steps: int = 1
     final_sigma: float = 0.06
 
     def __post_init__(self) -> None:
@@ -128,20 +161,16 @@ def annealed_langevin(
     score: ScoreFunction,
     X: Tensor,
     schedule: NoiseSchedule,
-    config: LangevinConfig,
     generator: torch.Generator,
-    confine: Callable[[Tensor], Tensor],
-    callback: StepCallback | None = None,
+    confine: Confine,
+    callback: StepCallback,
+    *,
+    config: LangevinConfig,
 ) -> Tensor:
-    """Return samples (..., 4, 4) reached from the poses `X` by the dynamics of paper IV-D.
+    """Integrate the dynamics of paper IV-D: an `Integrator` with `config` given.
 
-    A step is X Exp(alpha/2 score + sqrt(alpha) noise) with alpha = step_scale * sigma^2.
-
-    Args:
-        score: returns sigma * score, so that alpha/2 score = step_scale/2 * sigma * score(...).
-        confine: applied to the positions (..., 3) after each step: the score outside the scene is
-            not defined.
-        callback: sees the poses before each step, and those returned.
+    A step is X Exp(alpha/2 score + sqrt(alpha) noise) with alpha = step_scale * sigma^2.  `score`
+    returns sigma * score, so that alpha/2 score = step_scale/2 * sigma * score(...).
 
     Raises ValueError where the final steps are at a noise level outside the schedule.
     """
@@ -152,15 +181,12 @@ def annealed_langevin(
         )
     sigmas = schedule.descending(config.steps) + [config.final_sigma] * config.final_steps
     for step, sigma in enumerate(sigmas):
-        if callback is not None:
-            callback(step, X)
+        callback(step, X)
         xi = sigma * score(X, sigma)
         if step < config.steps:
             noise = torch.randn(xi.shape, generator=generator, device=generator.device)
             spread = config.temperature * math.sqrt(config.step_scale) * sigma
             xi = 0.5 * config.step_scale * xi + spread * noise.to(xi)
-        X = move(X, xi, schedule.length_m)
-        X[..., :3, 3] = confine(X[..., :3, 3])
-    if callback is not None:
-        callback(len(sigmas), X)
+        X = advance(X, xi, schedule, confine)
+    callback(len(sigmas), X)
     return X
