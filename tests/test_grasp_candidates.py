@@ -69,7 +69,7 @@ def test_true_grasps_hold_clear_the_table_and_show(
     expected = (candidates.weights > 0.0) & shown & free
     assert np.array_equal(true(candidates, scene), expected)
     assert set(candidates.states(scene)) == {GraspState.TRUE, GraspState.FALSE}
-    assert 8 <= expected.sum() < (candidates.weights > 0.0).sum()
+    assert 0 < expected.sum() < (candidates.weights > 0.0).sum()
 
 
 def test_grasps_must_come_from_above(candidates: GraspCandidates, scene: MugScene) -> None:

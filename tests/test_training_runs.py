@@ -1,5 +1,7 @@
 """Training runs: they learn, stop at Ctrl-C, go on, and never overwrite one another."""
 
+import os
+import platform
 import signal
 import subprocess
 import sys
@@ -136,8 +138,7 @@ train.train(killed_run(Path(sys.argv[1])))
 def test_a_killed_run_ends_to_the_bit_where_one_that_was_not_killed_does(tmp_path: Path) -> None:
     whole, broken = killed_run(tmp_path / "whole"), killed_run(tmp_path / "broken")
     train(whole)
-    command = [sys.executable, "-c", RUN_AND_BE_KILLED, str(broken.out), "13"]
-    process = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True)
+    process = in_a_process(RUN_AND_BE_KILLED, str(broken.out), "13")
     assert process.returncode == -signal.SIGKILL, process.stderr
     assert torch.load(broken.out / "state.pt")["step"] == 10
     train(replace(broken, resume=True))
@@ -148,6 +149,31 @@ def test_a_killed_run_ends_to_the_bit_where_one_that_was_not_killed_does(tmp_pat
     for lines in zip(curves_of(whole), curves_of(broken), strict=True):
         once, resumed = ({k: v for k, v in line.items() if k != "minutes"} for line in lines)
         assert once == resumed
+
+
+ALLOCATE_TWICE = """
+from resource import RUSAGE_SELF, getrusage
+from split_drake.training.memory import keep_freed_memory
+
+keep_freed_memory()
+for _ in range(2):
+    before = getrusage(RUSAGE_SELF).ru_minflt
+    b"x" * 100_000_000
+    print(getrusage(RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc's malloc is told to")
+def test_freed_memory_is_kept() -> None:
+    first, second = map(int, in_a_process(ALLOCATE_TWICE).stdout.split())
+    assert second < first / 5, "the pages are there already"
+
+
+def in_a_process(code: str, *args: str) -> subprocess.CompletedProcess[str]:
+    """Run Python code that may import whatever the tests can."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    command = [sys.executable, "-c", code, *args]
+    return subprocess.run(command, env=environment, capture_output=True, text=True)
 
 
 def test_resuming_continues_the_curves(options: TrainConfig) -> None:

@@ -62,8 +62,8 @@ def draw_curves(runs: dict[str, dict[str, Array]]) -> Figure:
     for axes, (key, title, logarithmic) in zip(panels.flat, PANELS, strict=True):
         for number, (name, curves) in enumerate(runs.items()):
             if key in curves:
-                color = f"C{number}"
-                axes.plot(curves["scenes"], curves[key], color, label=name, linewidth=1.0)
+                style = {"color": f"C{number}", "linewidth": 1.0}
+                axes.plot(curves["scenes"], curves[key], label=name, **style)
         axes.set_title(title, fontsize="medium")
         axes.set_yscale("log" if logarithmic else "linear")
         axes.grid(alpha=0.3)

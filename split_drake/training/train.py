@@ -28,6 +28,7 @@ from split_drake.split.network import SplitConfig
 from split_drake.training.batches import BatchConfig
 from split_drake.training.interruption import Interruption
 from split_drake.training.losses import Losses
+from split_drake.training.memory import keep_freed_memory
 from split_drake.training.run_folder import RunFolder
 from split_drake.training.trainer import OptimizerConfig, StateError, Trainer
 from split_drake.training.training_scenes import TrainingScenes
@@ -178,6 +179,7 @@ class Run:
 
     def execute(self) -> None:
         """Train to the end; Ctrl-C ends the run after a whole step, which is saved."""
+        keep_freed_memory()
         trainer, config = self._trainer, self._config
         saved_s = trainer.elapsed_s
         with (

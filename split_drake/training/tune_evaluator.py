@@ -11,6 +11,7 @@ tuned model draws the same samples, and ranks them otherwise.
 """
 
 from dataclasses import asdict, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -56,7 +57,7 @@ def tune(config: TuneConfig) -> None:
 
 
 def _tuned_info(
-    config: TuneConfig, info: CheckpointInfo, dataset_hash: str, metrics: dict[str, object]
+    config: TuneConfig, info: CheckpointInfo, dataset_hash: str, metrics: dict[str, Any]
 ) -> CheckpointInfo:
     """Return where the tuned network comes from."""
     options = {"batch": asdict(config.batch), "learning_rate": config.learning_rate}
