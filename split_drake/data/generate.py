@@ -10,7 +10,7 @@ from above, and be visible (`grasp_candidates`, `visibility`); those that fail a
 
 - Shapes come from a parametric family in place of ShapeNet, where the paper picks 25 mugs to train
   on.  Handle and upright poses follow from the shape; the paper annotates them by hand.
-- Mugs lie as they came to rest in at most 40 drops a shape, turned and moved; 15% stand upright.
+- Mugs lie as they came to rest in 24 drops a shape (`rests`), turned and moved; 15% stand upright.
 - Physics tries each grasp once on the object alone, in a free hand, and not again in each scene.
 - Of a free pinch between clearly weak and firm nothing is said: it is neither true nor false.
 - Where the approach meets nothing within reach, seeing a contact of the pads is enough.
@@ -43,6 +43,7 @@ from split_drake.data.dataset import (
 )
 from split_drake.data.grasp_candidates import GraspCandidates, GraspState
 from split_drake.data.grasp_store import load_checked_grasps, store_path
+from split_drake.data.handle_points import VISIBLE_HANDLE_POINTS
 from split_drake.data.mug_scenes import MugScenes
 from split_drake.data.mugs import Split, load_mug, mug_names, mugs_sha256
 from split_drake.data.randomization import DomainRandomization
@@ -52,8 +53,6 @@ from split_drake.layout import Layout
 
 # Raise it when code changes what scenes or labels come out of the same files and settings.
 LABEL_VERSION = 1
-# The handle counts as visible from so many of the 2000 points on.
-VISIBLE_HANDLE_POINTS = 30
 CONFIG = "config.json"
 
 

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from split_drake.data.collision_pieces import capsule, ring_of_boxes
 from split_drake.data.mug_mesh import handle_path
 from split_drake.data.mug_parameters import MugParameters, outer_radius_m
 from split_drake.objects import Primitive
@@ -48,30 +49,6 @@ def simplify_path(path: Array, tolerance_m: float, max_segments: int) -> Array:
     return path[[0, *reversed(kept)]]
 
 
-def _ring(parameters: MugParameters, lower: Array, upper: Array, count: int) -> list[Primitive]:
-    """Return `count` boxes whose outer faces follow the wall from `lower` to `upper` (r, z).
-
-    The polygon's faces lie half their sagitta inside the circle, its edges half outside.
-    """
-    fit = (1.0 + np.cos(np.pi / count)) / 2.0
-    along = np.array([(upper[0] - lower[0]) * fit, upper[1] - lower[1]])
-    length = float(np.linalg.norm(along))
-    along /= length
-    inward = np.array([-along[1], along[0]])
-    middle = np.array([(lower[0] + upper[0]) / 2.0 * fit, (lower[1] + upper[1]) / 2.0])
-    center = middle + inward * parameters.wall_m / 2.0
-    width = 2.0 * float(np.tan(np.pi / count) * max(lower[0], upper[0]) * fit)
-    boxes = []
-    for angle in 2.0 * np.pi * np.arange(count) / count:
-        radial = np.array([np.cos(angle), np.sin(angle), 0.0])
-        x = -inward[0] * radial - (0.0, 0.0, inward[1])
-        z = along[0] * radial + (0.0, 0.0, along[1])
-        X_OP = make_pose(np.column_stack([x, np.cross(z, x), z]), center[0] * radial)
-        X_OP[2, 3] = center[1]
-        boxes.append(Primitive("box", (parameters.wall_m, width, length), X_OP))
-    return boxes
-
-
 def wall_boxes(parameters: MugParameters) -> list[Primitive]:
     """Return the wall's boxes, one ring for each straight stretch of the profile."""
     z = np.linspace(0.0, parameters.height_m, 30)
@@ -79,7 +56,9 @@ def wall_boxes(parameters: MugParameters) -> list[Primitive]:
     corners = simplify_path(outline, WALL_TOLERANCE_M, max(BOXES_PER_RING))
     count = BOXES_PER_RING[len(corners) - 1]
     return [
-        box for lower, upper in pairwise(corners) for box in _ring(parameters, lower, upper, count)
+        box
+        for lower, upper in pairwise(corners)
+        for box in ring_of_boxes(lower, upper, parameters.wall_m, count)
     ]
 
 
@@ -88,16 +67,6 @@ def base_cylinder(parameters: MugParameters) -> Primitive:
     radius = float(outer_radius_m(parameters, 0.0))
     center = make_pose(p=(0.0, 0.0, parameters.base_m / 2.0))
     return Primitive("cylinder", (radius, parameters.base_m), center)
-
-
-def _capsule(p_OA: Array, p_OB: Array, radius: float) -> Primitive:
-    """Return a capsule around the segment from `p_OA` to `p_OB` in the plane of constant y."""
-    z = p_OB - p_OA
-    length = float(np.linalg.norm(z))
-    z = z / length
-    y = np.array([0.0, 1.0, 0.0])
-    R_OP = np.column_stack([np.cross(y, z), y, z])
-    return Primitive("capsule", (radius, length), make_pose(R_OP, (p_OA + p_OB) / 2.0))
 
 
 def _trim(path: Array, length_m: float) -> Array:
@@ -118,7 +87,7 @@ def handle_capsules(parameters: MugParameters) -> list[Primitive]:
     path = _trim(handle_path(parameters), max(radius - parameters.wall_m / 2.0, 0.0))
     path = simplify_path(path, HANDLE_TOLERANCE_M, MAX_HANDLE_SEGMENTS)
     return [
-        _capsule(np.array([a[0], y, a[1]]), np.array([b[0], y, b[1]]), radius)
+        capsule(np.array([a[0], y, a[1]]), np.array([b[0], y, b[1]]), radius)
         for y in ys
         for a, b in pairwise(path)
     ]

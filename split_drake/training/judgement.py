@@ -1,8 +1,7 @@
-"""Which detected poses are good, and how a task fares over scenes.
+"""Which detected poses are good, each compared with the truth of its scene.
 
-A handle or upright pose counts as good within 1 cm and 15 degrees of a true one, a grasp where it
-would hold the mug geometrically and collides with neither mug nor table.  Where the evaluator
-rejects all samples, the top-ranked one counts as not good.
+A handle or upright pose is good within 1 cm and 15 degrees of a true one, a grasp where it would
+hold the mug geometrically and the hand reaches it without hitting mug or table.
 """
 
 from dataclasses import dataclass
@@ -19,17 +18,31 @@ GOOD_ROTATION_RAD = np.radians(15.0)
 
 @dataclass(frozen=True)
 class Judgement:
-    """How a task's samples in one scene compare with the truth.
+    """How poses (N) compare with equivalent true ones.
 
     Attributes:
-        good: (N,) whether each sample is.
-        position_m, rotation_rad: (N,) errors to the nearest true pose; empty for grasps, of which
-            the data set lists only some.
+        good: (N,) whether each is.
+        position_m, rotation_rad: (N,) errors to the nearest true pose.
     """
 
     good: NDArray[np.bool_]
     position_m: Array
     rotation_rad: Array
+
+
+@dataclass(frozen=True)
+class GraspJudgement:
+    """How grasps (N) fare geometrically, as the object lies.
+
+    Attributes:
+        good: (N,) whether each is reachable and holds.
+        reachable: (N,) whether the opened hand comes in from above and hits nothing.
+        openings_m: (N,) that it comes in with.
+    """
+
+    good: NDArray[np.bool_]
+    reachable: NDArray[np.bool_]
+    openings_m: Array
 
 
 def judge_poses(X_WPs: Array, X_WTruths: Array) -> Judgement:
@@ -42,74 +55,33 @@ def judge_poses(X_WPs: Array, X_WTruths: Array) -> Judgement:
     return Judgement(good.any(axis=1), position[rows, nearest], rotation[rows, nearest])
 
 
-def judge_grasps(X_WGs: Array, judge: GraspJudge, X_WO: Array) -> Judgement:
+def judge_grasps(X_WGs: Array, judge: GraspJudge, X_WO: Array) -> GraspJudgement:
     """Check grasps (N, 4, 4) of the object of `judge`, at X_WO, geometrically."""
     X_OGs = invert_pose(X_WO) @ X_WGs
     check = judge.check(X_OGs)
-    good = check.good & feasible(X_WO, X_OGs, check.openings_m)
-    return Judgement(good, np.zeros(0), np.zeros(0))
+    clears = feasible(X_WO, X_OGs, check.openings_m)
+    return GraspJudgement(check.good & clears, ~check.collides & clears, check.openings_m)
 
 
-@dataclass(frozen=True)
-class TaskOutcome:
-    """A task in one scene.
+def direction_error_rad(d_As: Array, d_Bs: Array) -> Array:
+    """Return the angles in [0, pi] between unit vectors (..., 3); shapes broadcast."""
+    cosine = np.einsum("...i,...i->...", d_As, d_Bs)
+    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
-    Attributes:
-        top_good: whether the top-ranked sample is good, and not rejected.
-        top_position_m, top_rotation_rad: its errors, rejected or not; NaN for grasps.
-        good_share: share of all samples, before any is rejected, that are good.
-        kept: samples that the evaluator does not reject.
-        kept_good_share: share of those that are good; NaN where none is left.
-        handle_visible: whether the cloud shows the handle.
+
+def line_error_rad(d_As: Array, d_Bs: Array) -> Array:
+    """Return the angles in [0, pi/2] between lines along unit vectors (..., 3)."""
+    error = direction_error_rad(d_As, d_Bs)
+    return np.minimum(error, np.pi - error)
+
+
+def yaw_error_rad(R_WA: Array, R_WB: Array) -> Array:
+    """Return the angles in [0, pi] by which rotations (..., 3, 3) differ about their own z.
+
+    It is the twist of R_AB = swing * twist: what is left once the shortest rotation has aligned the
+    z axes, so that it says nothing of how far those are apart.
     """
-
-    top_good: bool
-    top_position_m: float
-    top_rotation_rad: float
-    good_share: float
-    kept: int
-    kept_good_share: float
-    handle_visible: bool
-
-
-def outcome(scores: Array, judgement: Judgement, threshold: float, visible: bool) -> TaskOutcome:
-    """Summarise a task's samples in one scene."""
-    top = int(np.argmax(scores))
-    kept = scores >= threshold
-    measured = judgement.position_m.size > 0
-    return TaskOutcome(
-        top_good=bool(judgement.good[top] and kept[top]),
-        top_position_m=float(judgement.position_m[top]) if measured else np.nan,
-        top_rotation_rad=float(judgement.rotation_rad[top]) if measured else np.nan,
-        good_share=float(judgement.good.mean()),
-        kept=int(kept.sum()),
-        kept_good_share=float(judgement.good[kept].mean()) if kept.any() else np.nan,
-        handle_visible=visible,
-    )
-
-
-def _mean(values: list[float]) -> float | None:
-    """Return the mean of the values that are not NaN, None where there are none."""
-    measured = [value for value in values if not np.isnan(value)]
-    return float(np.mean(measured)) if measured else None
-
-
-def _median(values: list[float], unit: float = 1.0) -> float | None:
-    """Return the median, in `unit`s, of the values that are not NaN, None where there are none."""
-    measured = [value for value in values if not np.isnan(value)]
-    return float(np.median(measured)) / unit if measured else None
-
-
-def summarize(outcomes: list[TaskOutcome]) -> dict[str, float | None]:
-    """Return means and medians over scenes; None stands for what was not measured."""
-    return {
-        "top_good": _mean([o.top_good for o in outcomes]),
-        "top_good_handle_visible": _mean([o.top_good for o in outcomes if o.handle_visible]),
-        "top_good_handle_hidden": _mean([o.top_good for o in outcomes if not o.handle_visible]),
-        "median_position_mm": _median([o.top_position_m for o in outcomes], 1e-3),
-        "median_rotation_deg": _median([o.top_rotation_rad for o in outcomes], np.pi / 180.0),
-        "samples_good": _mean([o.good_share for o in outcomes]),
-        "kept_good": _mean([o.kept_good_share for o in outcomes]),
-        "median_kept": _median([o.kept for o in outcomes]),
-        "none_kept": _mean([o.kept == 0 for o in outcomes]),
-    }
+    R_AB = np.swapaxes(R_WA, -1, -2) @ R_WB
+    sine = R_AB[..., 1, 0] - R_AB[..., 0, 1]
+    cosine = R_AB[..., 0, 0] + R_AB[..., 1, 1]
+    return np.asarray(np.abs(np.arctan2(sine, cosine)))
