@@ -88,7 +88,7 @@ def test_shipped_outcomes_are_those_of_the_free_hand() -> None:
         hold = hand.hold(checked.X_OGs[number], checked.openings_m[number])
         assert hold.holds == checked.holds[number]
         if hold.holds:
-            assert hold.slip_m == pytest.approx(checked.slips_m[number], abs=1e-3)
+            assert hold.slip_m == pytest.approx(checked.slips_m[number], abs=2e-3)
 
 
 def test_unknown_mug_is_refused() -> None:

@@ -23,6 +23,8 @@ Fault = Literal["", "collides", "empty", "lost", "slipped"]
 CLOSING_SPEED_M_S = 0.1
 SQUEEZE_M = -0.05
 SETTLE_S = 0.1
+# Until a pad would touch at the next step of this size, closing is not simulated.
+FREE_STEP_M = 0.004
 # Fingers held back by so much push with all the force that they may use.
 SATURATED_M = 0.022
 # Pads closed further than this hold nothing; no mug's wall is as thin.
@@ -99,7 +101,7 @@ class FreeHand:
         """Close, then carry; `closing_G` and `carrying_G` are accelerations (3,) that it feels."""
         if self._rig.hand_penetration_m() > MAX_PENETRATION_M:
             return _failed("collides")
-        self._close(opening_m, self._mass_kg * closing_G)
+        self._close(self._close_freely(opening_m), self._mass_kg * closing_G)
         if self._rig.opening_m < EMPTY_OPENING_M or self._rig.fingers_touching() < 2:
             return _failed("empty")
         self._rig.take_table_away()
@@ -114,6 +116,16 @@ class FreeHand:
                 return Hold("slipped", slip_m, turn_rad)
         fault: Fault = "" if self._rig.fingers_touching() == 2 else "lost"
         return Hold(fault, slip_m, turn_rad)
+
+    def _close_freely(self, opening_m: float) -> float:
+        """Bring the pads close to the object, which costs no simulation; return their opening."""
+        while opening_m > FREE_STEP_M:
+            self._rig.place_fingers(opening_m - FREE_STEP_M)
+            if self._rig.hand_penetration_m() > 0.0:
+                break
+            opening_m -= FREE_STEP_M
+        self._rig.place_fingers(opening_m)
+        return opening_m
 
     def _close(self, opening_m: float, f_G: Array) -> None:
         """Close slowly until the fingers squeeze whatever is between them with all their force."""

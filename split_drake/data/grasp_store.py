@@ -98,9 +98,7 @@ def read_store(path: Path, sha256: str) -> dict[str, CheckedGrasps]:
     parameters have this SHA-256.
     """
     if not path.is_file():
-        raise GraspStoreError(
-            f"{path} is missing: run python -m split_drake.data.check_grasps"
-        )
+        raise GraspStoreError(f"{path} is missing: run python -m split_drake.data.check_grasps")
     with np.load(path, allow_pickle=False) as archive:
         if (found := str(archive["mugs_sha256"])) != sha256:
             raise GraspStoreError(

@@ -90,6 +90,12 @@ class HandRig:
         self._command(opening_m)
         self._simulator.Initialize()
 
+    def place_fingers(self, opening_m: float) -> None:
+        """Put the pads `opening_m` apart, at rest; nothing else moves."""
+        positions = panda_positions(Q_HOME, opening_m)
+        self._plant.SetPositions(self._plant_context, self._panda, positions)
+        self._command(opening_m)
+
     def take_table_away(self) -> None:
         """Leave the object to the hand alone."""
         self._place_table(_AWAY)
