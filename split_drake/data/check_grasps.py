@@ -1,8 +1,9 @@
 """Try grasps of all mugs in physics: `python -m split_drake.data.check_grasps --mugs train`.
 
 Antipodal candidates that pass the geometric judge, well spread over each mug, are tried one by one
-in a free hand (`free_hand`).  Each mug's outcomes are written when it is done; an interrupted run
-goes on where it was, and one with more grasps a mug adds to what there is.
+in a free hand (`free_hand`), 0.2 s each: 50 minutes on two cores for the 30,000 of the training
+mugs.  Each mug's outcomes are written when it is done; an interrupted run goes on where it was, and
+one with more grasps a mug adds to what there is.
 """
 
 import multiprocessing
@@ -24,8 +25,13 @@ from split_drake.data.mugs import Split, load_mug, mug_names, mugs_sha256
 from split_drake.objects import MugShape
 from split_drake.poses import Array
 
-# How many candidates are spread decides their order; the first of them are tried.
-SPREAD = 150
+# The first candidates are spread over all good ones, which takes many from where a hand just fits;
+# the others over those that a small error does not spoil.
+WIDE = 80
+STEADY = 70
+MIN_STEADINESS = 0.7
+# Among so many good grasps the steady ones are looked for.
+SIFTED = 4000
 POINTS = 7000
 TURNS = 6
 
@@ -36,25 +42,25 @@ class CheckConfig:
 
     Attributes:
         mugs: split whose mugs to grasp.
-        per_mug: grasps of each, at most 150.
+        per_mug: grasps of each, at most WIDE + STEADY.
         out: folder for the outcomes of single mugs.
         workers: processes; the outcomes do not depend on them.
     """
 
     mugs: Split = "train"
-    per_mug: int = 100
+    per_mug: int = WIDE + STEADY
     out: Path = Path("datasets/grasp_checks")
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
-        if not 1 <= self.per_mug <= SPREAD:
-            raise ValueError(f"per_mug is {self.per_mug}; expected 1 to {SPREAD}")
+        if not 1 <= self.per_mug <= WIDE + STEADY:
+            raise ValueError(f"per_mug is {self.per_mug}; expected 1 to {WIDE + STEADY}")
 
 
 def candidates(mug: MugShape, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Return at most `SPREAD` grasps (N, 4, 4), openings and qualities (N,), the best spread first.
+    """Return grasps (N, 4, 4) to try, openings and qualities (N,): `WIDE` ones, then `STEADY` ones.
 
-    They are free of collisions and of at least MIN_QUALITY.
+    They are free of collisions and of at least MIN_QUALITY; where fewer are, there are fewer.
     """
     judge = GraspJudge(mug.body.mesh)
     X_OGs, widths = antipodal_candidates(mug.body.mesh, POINTS, TURNS, rng)
@@ -62,7 +68,11 @@ def candidates(mug: MugShape, rng: np.random.Generator) -> tuple[Array, Array, A
     qualities = judge.qualities(X_OGs, openings)
     firm = np.flatnonzero(qualities >= MIN_QUALITY)
     good = firm[~judge.collides(X_OGs[firm], openings[firm])]
-    chosen = good[spread_evenly(X_OGs[good], SPREAD)]
+    wide = good[spread_evenly(X_OGs[good], WIDE)]
+    sifted = rng.permutation(np.setdiff1d(good, wide))[:SIFTED]
+    steadiness = judge.steadiness(X_OGs[sifted], openings[sifted], rng)
+    steady = sifted[steadiness >= MIN_STEADINESS]
+    chosen = np.concatenate([wide, steady[spread_evenly(X_OGs[steady], STEADY)]])
     return X_OGs[chosen], openings[chosen], qualities[chosen]
 
 

@@ -52,7 +52,7 @@ from split_drake.data.scene_generator import SceneGenerator
 from split_drake.layout import Layout
 
 # Raise it when code changes what scenes or labels come out of the same files and settings.
-LABEL_VERSION = 1
+LABEL_VERSION = 2
 CONFIG = "config.json"
 
 

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from split_drake.data.grasp_judge import hand_corners, reachable
+from split_drake.data.grasp_judge import GraspJudge, hand_corners, reachable
 from split_drake.data.grasp_store import CheckedGrasps
 from split_drake.data.grasps import false_grasps
 from split_drake.data.mug_scenes import MugScene
@@ -50,10 +50,12 @@ class GraspCandidates:
     def from_checked(cls, mug: MugShape, checked: CheckedGrasps, rng: np.random.Generator) -> Self:
         """Return the grasps tried in physics, with their mirror images, and geometric false ones.
 
-        The weight of a grasp that holds is its robustness in physics times its geometric quality.
+        The weight of a grasp that holds is its robustness in physics times its squared steadiness:
+        grasps that a small error spoils are taught less often.
         """
         tried = checked.with_mirror_images()
-        weights = np.maximum(tried.robustness * tried.qualities, MIN_WEIGHT) * tried.holds
+        steady = GraspJudge(mug.body.mesh).steadiness(tried.X_OGs, tried.openings_m, rng)
+        weights = np.maximum(tried.robustness * steady**2, MIN_WEIGHT) * tried.holds
         false = false_grasps(mug, tried.X_OGs[tried.holds], FALSE_GRASPS, rng)
         return cls(
             mug,

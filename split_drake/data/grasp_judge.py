@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from split_drake.data.render import RayCaster
 from split_drake.gripper import MAX_OPENING_M, PAD_SIZE_M, Box, gripper_boxes
-from split_drake.poses import Array, invert_pose, transform_points
+from split_drake.poses import Array, invert_pose, make_pose, transform_points
 
 # Half-angle of the friction cone that contacts must lie in; physics has arctan(0.8) = 0.67 rad.
 CONE_RAD = 0.3
@@ -23,6 +24,10 @@ BEARING_DEPTH_M = 0.002
 SURFACE_POINTS = 2500
 APPROACH_M = 0.06
 TABLE_CLEARANCE_M = 0.002
+# How far a detected grasp is off, along and about each axis, and how many such errors are tried.
+ERROR_M = 0.0025
+ERROR_RAD = np.radians(2.5)
+ERRORS = 16
 # Openings that are tried where the width of what lies between the pads isn't known; the first of
 # equals counts.
 TRIED_OPENINGS_M = (MAX_OPENING_M, 0.055, 0.04, 0.03)
@@ -85,6 +90,20 @@ class GraspJudge:
         """Return how grasps (N, 4, 4) fare when the hand comes in opened by `openings_m` (N,)."""
         qualities = self.qualities(X_OGs, openings_m)
         return GraspCheck(qualities, openings_m, self.collides(X_OGs, openings_m))
+
+    def steadiness(self, X_OGs: Array, openings_m: Array, rng: np.random.Generator) -> Array:
+        """Return (N,) in [0, 1]: how often grasps (N, 4, 4) stay good where they are a little off.
+
+        That is the share of `ERRORS` normal errors of `ERROR_M` and `ERROR_RAD` an axis with which
+        the hand, opened by `openings_m` (N,), still hits nothing and closes firmly.
+        """
+        count = len(X_OGs) * ERRORS
+        turns = Rotation.from_rotvec(rng.normal(0.0, ERROR_RAD, (count, 3))).as_matrix()
+        X_OGErrors = np.repeat(X_OGs, ERRORS, axis=0) @ make_pose(
+            turns, rng.normal(0.0, ERROR_M, (count, 3))
+        )
+        check = self.check_opened(X_OGErrors, np.repeat(openings_m, ERRORS))
+        return check.good.reshape(-1, ERRORS).mean(axis=1)
 
     def qualities(self, X_OGs: Array, openings_m: Array) -> Array:
         """Return (N,) how much of the pads bears, and how far they may slide and still do.
