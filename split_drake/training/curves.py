@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 import tyro
 from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter, StrMethodFormatter
 
 from split_drake.poses import Array
 from split_drake.split.network import TASKS
@@ -65,10 +66,14 @@ def draw_curves(runs: dict[str, dict[str, Array]]) -> Figure:
                 style = {"color": f"C{number}", "linewidth": 1.0}
                 axes.plot(curves["scenes"], curves[key], label=name, **style)
         axes.set_title(title, fontsize="medium")
-        axes.set_yscale("log" if logarithmic else "linear")
+        if logarithmic:
+            axes.set_yscale("log")
+            for set_formatter in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+                set_formatter(StrMethodFormatter("{x:.3g}"))
         axes.grid(alpha=0.3)
     for axes in panels[-1]:
         axes.set_xlabel("scenes seen")
+        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     panels[-1, -1].legend(fontsize="small")
     return figure
 
