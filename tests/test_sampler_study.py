@@ -9,14 +9,14 @@ import torch
 from torch import Tensor
 
 from split_drake.pose_set import PoseTask
-from split_drake.split.diffusion import LangevinConfig, NoiseSchedule
+from split_drake.split.diffusion import NoiseSchedule
 from split_drake.split.se3 import compose, uniform_rotations
 from split_drake.training import sampler_study
-from split_drake.training.sampler_study import INTEGRATORS, StudyConfig, main, samplers
+from split_drake.training.sampler_study import SHIPPED, Sampler, StudyConfig, main, samplers
 
 
-@pytest.mark.parametrize(("name", "evaluations"), samplers())
-def test_integrators_evaluate_the_score_as_often_as_told(name: str, evaluations: int) -> None:
+@pytest.mark.parametrize("sampler", samplers(), ids=lambda sampler: sampler.name)
+def test_integrators_evaluate_the_score_as_often_as_told(sampler: Sampler) -> None:
     sigmas: list[float] = []
 
     def score(X: Tensor, sigma: float) -> Tensor:
@@ -25,17 +25,34 @@ def test_integrators_evaluate_the_score_as_often_as_told(name: str, evaluations:
 
     generator, schedule = torch.Generator().manual_seed(0), NoiseSchedule()
     start = compose(uniform_rotations((2,), generator), torch.full((2, 3), 0.1))
-    INTEGRATORS[name](evaluations)(
-        score, start, schedule, generator, lambda p: p, lambda step, X: None
-    )
-    assert len(sigmas) == evaluations
+    sampler.build()(score, start, schedule, generator, lambda p: p, lambda step, X: None)
+    assert len(sigmas) == sampler.evaluations
     assert sigmas[0] == pytest.approx(schedule.sigma_max)
     assert min(sigmas) >= schedule.sigma_min - 1e-9
 
 
 def test_the_shipped_sampler_is_among_those_compared() -> None:
-    shipped = LangevinConfig()
-    assert ("langevin", shipped.steps + shipped.final_steps) in samplers()
+    shipped = Sampler("langevin", SHIPPED.steps + SHIPPED.final_steps, SHIPPED.temperature)
+    assert samplers().count(shipped) == 1
+    assert len({sampler.name for sampler in samplers()}) == len(samplers())
+
+
+def test_a_warmer_sampler_spreads_further() -> None:
+    spreads = []
+    for temperature in (0.0, 1.0):
+        generator, schedule = torch.Generator().manual_seed(0), NoiseSchedule()
+        start = compose(uniform_rotations((1,), generator), torch.zeros(1, 3)).expand(64, 4, 4)
+        X = Sampler("langevin", 16, temperature).build()(
+            lambda X, sigma: torch.zeros(len(X), 6),
+            start,
+            schedule,
+            generator,
+            lambda p: p,
+            lambda step, X: None,
+        )
+        spreads.append(float(X[:, :3, 3].std(dim=0).norm()))
+    assert spreads[0] == pytest.approx(0.0, abs=1e-6)
+    assert spreads[1] > 0.01
 
 
 def test_the_test_mugs_are_no_choice(tmp_path: Path) -> None:
@@ -56,7 +73,8 @@ def test_all_samplers_are_measured_and_reported(
 
     monkeypatch.setattr(sampler_study, "evaluate", evaluate)
     main(StudyConfig(out=tmp_path))
-    assert [(told["integrator"], told["evaluations"]) for told in asked] == samplers()
+    keys = ("integrator", "evaluations", "temperature")
+    assert [Sampler(*(told[key] for key in keys)) for told in asked] == samplers()
     rows = json.loads((tmp_path / "study.json").read_text())
     assert [row["evaluations"] for row in rows] == [told["evaluations"] for told in asked]
     assert rows[0]["samples_good"]["grasp"] == pytest.approx(0.99)

@@ -1,8 +1,8 @@
 """How accuracy follows the sampler: ``python -m split_drake.training.sampler_study --out DIR``.
 
-Every integrator, with every number of evaluations of the score, meets the same scenes.  They are of
-mugs that checkpoints are trained on: what is chosen here is measured on the test mugs, which
-therefore have no say in it.
+Every integrator with every number of evaluations of the score, and the shipped one at several
+temperatures, meet the same scenes.  They are of mugs that checkpoints are trained on: what is
+chosen here is measured on the test mugs, which therefore have no say in it.
 
 DIR gets a folder each (see `evaluation`), study.json and study.png.  A study that was killed goes
 on.
@@ -11,7 +11,7 @@ on.
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -36,28 +36,55 @@ from split_drake.training.evaluation import evaluate
 Row = dict[str, Any]
 
 EVALUATIONS = (100, 50, 25, 16, 12, 10, 8, 5)
+TEMPERATURES = (0.0, 0.1, 0.2, 0.3, 0.5, 1.0)
+SHIPPED = LangevinConfig()
 
 
-def _langevin(evaluations: int) -> Integrator:
-    shipped = LangevinConfig()
-    config = replace(shipped, steps=evaluations - shipped.final_steps)
+@dataclass(frozen=True)
+class Sampler:
+    """What is compared.
+
+    Attributes:
+        integrator: one of `INTEGRATORS`.
+        evaluations: of the score.
+        temperature: of the noise it injects, if it injects any.
+    """
+
+    integrator: str
+    evaluations: int
+    temperature: float = SHIPPED.temperature
+
+    @property
+    def name(self) -> str:
+        """A name for its folder."""
+        warmth = "" if self.temperature == SHIPPED.temperature else f"_T{self.temperature:g}"
+        return f"{self.integrator}_{self.evaluations:03d}{warmth}"
+
+    def build(self) -> Integrator:
+        """Return the integrator."""
+        return INTEGRATORS[self.integrator](self)
+
+
+def _langevin(sampler: Sampler) -> Integrator:
+    steps = sampler.evaluations - SHIPPED.final_steps
+    config = replace(SHIPPED, steps=steps, temperature=sampler.temperature)
     return partial(annealed_langevin, config=config)
 
 
-def _heun(evaluations: int) -> Integrator:
-    return partial(heun, steps=(evaluations + 1) // 2)
+def _heun(sampler: Sampler) -> Integrator:
+    return partial(heun, steps=(sampler.evaluations + 1) // 2)
 
 
-def _multistep(evaluations: int) -> Integrator:
-    return partial(multistep, steps=evaluations)
+def _multistep(sampler: Sampler) -> Integrator:
+    return partial(multistep, steps=sampler.evaluations)
 
 
-def _predictor_corrector(evaluations: int) -> Integrator:
-    temperature = LangevinConfig().temperature
-    return partial(predictor_corrector, steps=(evaluations + 1) // 2, temperature=temperature)
+def _predictor_corrector(sampler: Sampler) -> Integrator:
+    steps = (sampler.evaluations + 1) // 2
+    return partial(predictor_corrector, steps=steps, temperature=sampler.temperature)
 
 
-INTEGRATORS: Mapping[str, Callable[[int], Integrator]] = {
+INTEGRATORS: Mapping[str, Callable[[Sampler], Integrator]] = {
     "langevin": _langevin,
     "heun": _heun,
     "multistep": _multistep,
@@ -98,30 +125,32 @@ class StudyConfig(EvalOptions):
             )
 
 
-def samplers() -> list[tuple[str, int]]:
-    """Return the integrators that are compared, each with its numbers of evaluations."""
-    return [
-        (name, count - 1 if name in TWICE_A_STEP and count % 2 == 0 else count)
+def samplers() -> list[Sampler]:
+    """Return the samplers that are compared."""
+    by_evaluations = [
+        Sampler(name, count - 1 if name in TWICE_A_STEP and count % 2 == 0 else count)
         for name in INTEGRATORS
         for count in EVALUATIONS
     ]
+    shipped = Sampler("langevin", SHIPPED.steps + SHIPPED.final_steps)
+    by_temperature = [replace(shipped, temperature=value) for value in TEMPERATURES]
+    return list(dict.fromkeys([*by_evaluations, *by_temperature]))
 
 
-def make_detector(checkpoint: Path, integrator: str, evaluations: int) -> SplitDetector:
-    """Return a detector that samples by one of `INTEGRATORS` in so many evaluations."""
+def make_detector(checkpoint: Path, sampler: Sampler) -> SplitDetector:
+    """Return a detector that samples by `sampler`."""
     network, _ = load_checkpoint(checkpoint)
-    return SplitDetector(network, integrator=INTEGRATORS[integrator](evaluations))
+    return SplitDetector(network, integrator=sampler.build())
 
 
-def measure(config: StudyConfig, integrator: str, evaluations: int, console: Console) -> Row:
+def measure(config: StudyConfig, sampler: Sampler, console: Console) -> Row:
     """Return a sampler's row: its shares by measure and task, and the seconds of a detection."""
     checkpoint = config.checkpoint or default_weights()
-    sampler = {"integrator": integrator, "evaluations": evaluations}
     metrics = evaluate(
-        partial(make_detector, checkpoint, integrator, evaluations),
-        {**sampler, "checkpoint_sha256": file_sha256(checkpoint)},
+        partial(make_detector, checkpoint, sampler),
+        {**asdict(sampler), "checkpoint_sha256": file_sha256(checkpoint)},
         config,
-        config.out / f"{integrator}_{evaluations:03d}",
+        config.out / sampler.name,
         config.workers,
         console,
     )
@@ -129,41 +158,53 @@ def measure(config: StudyConfig, integrator: str, evaluations: int, console: Con
         name: {str(task): metrics[str(task)][name]["all"]["share"] for task in tasks}
         for name, tasks in MEASURES.items()
     }
-    return {**sampler, "detect_s": metrics["median_detect_s"], **shares}
+    return {**asdict(sampler), "detect_s": metrics["median_detect_s"], **shares}
 
 
 def study_table(rows: Sequence[Row]) -> Table:
     """Return a row a sampler, a column a measure and task."""
     columns = [(name, str(task)) for name, tasks in MEASURES.items() for task in tasks]
     titles = [f"{task}\n{name.replace('_', ' ')}" for name, task in columns]
-    table = Table("integrator", "evaluations", "seconds", *titles)
+    table = Table("integrator", "evaluations", "temperature", "seconds", *titles)
     for row in rows:
         shares = [f"{row[name][task]:.1%}" for name, task in columns]
-        table.add_row(row["integrator"], str(row["evaluations"]), f"{row['detect_s']:.3f}", *shares)
+        sampler = (row["integrator"], str(row["evaluations"]), f"{row['temperature']:g}")
+        table.add_row(*sampler, f"{row['detect_s']:.3f}", *shares)
     return table
 
 
 def _plot_measure(axes: Axes, rows: Sequence[Row], name: str, task: str, against: str) -> None:
     """Draw one measure of a task, a line an integrator."""
-    for integrator in INTEGRATORS:
+    for integrator in dict.fromkeys(row["integrator"] for row in rows):
         points = [
             (row[against], row[name][task]) for row in rows if row["integrator"] == integrator
         ]
         axes.plot(*zip(*sorted(points), strict=True), ".-", label=integrator)
-    axes.set(xscale="log", title=f"{task}: {name}")
+    axes.set(title=f"{task}: {name.replace('_', ' ')}")
     axes.grid(alpha=0.3)
 
 
 def plot_study(rows: Sequence[Row], path: Path) -> None:
-    """Write how the measures follow the evaluations (above) and the time (below)."""
+    """Write how the measures follow the evaluations, the time, and the temperature."""
     columns = [(name, str(task)) for name, tasks in MEASURES.items() for task in tasks]
-    figure = Figure(figsize=(3.2 * len(columns), 6.0), layout="constrained")
-    titles = {"evaluations": "evaluations of the score", "detect_s": "seconds a detection"}
-    grid = figure.subplots(len(titles), len(columns), sharey="col")
-    for line, (against, title) in zip(grid, titles.items(), strict=True):
-        for axes, (name, task) in zip(line, columns, strict=True):
-            _plot_measure(axes, rows, name, task, against)
-            axes.set(xlabel=title)
+    as_warm = [row for row in rows if row["temperature"] == SHIPPED.temperature]
+    as_long = [
+        row
+        for row in rows
+        if (row["integrator"], row["evaluations"])
+        == ("langevin", SHIPPED.steps + SHIPPED.final_steps)
+    ]
+    lines = (
+        ("evaluations", "evaluations of the score", as_warm),
+        ("detect_s", "seconds a detection", as_warm),
+        ("temperature", "temperature", as_long),
+    )
+    figure = Figure(figsize=(3.2 * len(columns), 3.0 * len(lines)), layout="constrained")
+    grid = figure.subplots(len(lines), len(columns), sharey="col")
+    for axes_line, (against, title, shown) in zip(grid, lines, strict=True):
+        for axes, (name, task) in zip(axes_line, columns, strict=True):
+            _plot_measure(axes, shown, name, task, against)
+            axes.set(xlabel=title, xscale="linear" if against == "temperature" else "log")
     for axes in grid[0]:
         axes.minorticks_off()
         axes.set_xticks(EVALUATIONS, [str(count) for count in EVALUATIONS])
@@ -175,9 +216,9 @@ def main(config: StudyConfig) -> None:
     """Measure all samplers; the table so far is written after each of them."""
     console = Console(soft_wrap=True)
     rows = []
-    for integrator, evaluations in samplers():
-        console.print(f"{integrator}, {evaluations} evaluations")
-        rows.append(measure(config, integrator, evaluations, console))
+    for sampler in samplers():
+        console.print(sampler.name)
+        rows.append(measure(config, sampler, console))
         (config.out / "study.json").write_text(json.dumps(rows, indent=1) + "\n")
     plot_study(rows, config.out / "study.png")
     console.print(study_table(rows))
