@@ -20,6 +20,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from planning.planner import planner_names
 from scenarios.files import write_atomically, write_json
+from scenarios.mug_check import check_mugs
+from scenarios.mug_source import MugSource
 from scenarios.pool import WorkerPool
 from scenarios.provenance import file_sha256, git_commit, package_versions
 from scenarios.records import Rate, TrialRecord, read_records
@@ -37,7 +39,8 @@ class MugHangOptions:
         seed: of the first trial.
         detector: SPLIT, or the true pose sets.
         task: hang (with a reorientation where no hanging plan exists), or reorient alone.
-        mugs: shapes that the model was tested on, or those it was trained on.
+        mugs: "test", shapes unlike those the model was trained on, "train", or a folder of upright
+            mesh files in metres (or of folders holding one each).
         planner: by name.
         checkpoint: weights of SPLIT; those that ship with the project where not given.
         noise_m: standard deviation of the noise on the sampled points.
@@ -50,7 +53,7 @@ class MugHangOptions:
     seed: int = 0
     detector: Literal["split", "oracle"] = "split"
     task: Literal["hang", "reorient"] = "hang"
-    mugs: Literal["test", "train"] = "test"
+    mugs: str = "test"
     planner: str = "default"
     checkpoint: Path | None = None
     noise_m: float = 0.005
@@ -67,6 +70,7 @@ class MugHangOptions:
             raise ValueError(f"--workers is {self.workers}; expected at least 1")
         if self.noise_m < 0.0:
             raise ValueError(f"--noise-m is {self.noise_m}; expected metres >= 0")
+        MugSource(self.mugs)
         if self.planner not in planner_names():
             raise ValueError(f"--planner is {self.planner!r}; expected one of {planner_names()}")
         if self.checkpoint is not None and not self.checkpoint.is_file():
@@ -82,6 +86,9 @@ def run_config(options: MugHangOptions) -> dict[str, Any]:
     from split_drake.split.checkpoint import default_weights
 
     config = {key: str(v) if isinstance(v, Path) else v for key, v in asdict(options).items()}
+    source = MugSource(options.mugs)
+    if source.folder is not None:
+        config["mesh_sha256"] = {name: source.mesh_sha256(name) for name in source.names()}
     config["checkpoint_sha256"] = None
     if options.detector == "split":
         config["checkpoint_sha256"] = file_sha256(options.checkpoint or default_weights())
@@ -148,6 +155,9 @@ def main(options: MugHangOptions) -> Path:
     records, before_s = open_run(folder, config), earlier_wall_s(folder)
     done = {record.index for record in records}
     specs = [TrialSpec.of(options, i, folder) for i in range(options.trials) if i not in done]
+    source = MugSource(options.mugs)
+    if specs and source.folder is not None:
+        check_mugs(source, folder, options.detector == "oracle", options.workers, console)
     try:
         if specs:
             run_missing(specs, records, options.workers, console)

@@ -1,7 +1,8 @@
-"""What a run was made with: versions, commit, checkpoint."""
+"""What a run was made with: versions, commit, checkpoint, memory."""
 
 import hashlib
 import platform
+import resource
 import subprocess
 from importlib.metadata import version
 from pathlib import Path
@@ -22,6 +23,11 @@ def git_commit() -> str | None:
     command = ["git", "describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"]
     run = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
     return run.stdout.strip() if run.returncode == 0 else None
+
+
+def peak_memory_bytes() -> int:
+    """Return the most memory that this process has had resident."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def file_sha256(path: Path) -> str:

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
+from scenarios.limit_log import Peaks, worst
+
 SUCCESS = "success"
 WIDE_MUG_M = 0.076  # wider bodies do not fit between the fingers
 
@@ -29,6 +31,9 @@ class TrialRecord:
         redraws: rejected starts, by reason.
         seconds: wall time by stage.
         simulated_s: time simulated from perception to verdict.
+        mesh_sha256: of the mug's mesh file; None for the mugs of the fixed splits.
+        peaks: how near the robot came to its limits, see `limit_log.Peaks`.
+        memory_bytes: the most that the worker has had resident so far.
         recording: path of the recording within the run's folder, if one was kept.
         traceback: of the exception that ended the trial, if one did.
     """
@@ -43,12 +48,20 @@ class TrialRecord:
     redraws: dict[str, int] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     simulated_s: float = 0.0
+    mesh_sha256: str | None = None
+    peaks: dict[str, float] = field(default_factory=dict)
+    memory_bytes: int = 0
     recording: str | None = None
     traceback: str | None = None
 
     @property
     def succeeded(self) -> bool:
         return self.outcome == SUCCESS
+
+    @property
+    def exceeded(self) -> tuple[str, ...]:
+        """The limits that the robot went beyond, with the values."""
+        return Peaks(**self.peaks).exceeded()
 
     def to_json(self) -> str:
         """Return one line of JSON without a line break."""
@@ -130,3 +143,9 @@ def total_redraws(records: Iterable[TrialRecord]) -> dict[str, int]:
     for record in records:
         counts.update(record.redraws)
     return dict(counts)
+
+
+def worst_peaks(records: Iterable[TrialRecord]) -> dict[str, float]:
+    """Return the worst peaks of the trials that have any, as records keep them; {} if none has."""
+    peaks = worst(Peaks(**record.peaks) for record in records if record.peaks)
+    return peaks.rounded() if peaks else {}

@@ -16,10 +16,11 @@ from scenarios.records import (
     failures_by_stage,
     median_seconds,
     total_redraws,
+    worst_peaks,
 )
 
 _STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 60rem; color: #222 }
+body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 70rem; color: #222 }
 table { border-collapse: collapse; width: 100% }
 th, td { text-align: left; padding: .3rem .6rem; border-bottom: 1px solid #ddd }
 .ok { color: #1a7f37 } .failed { color: #b3261e }
@@ -57,6 +58,8 @@ def summarize(
         "failures": failures_by_stage(records),
         "redraws": total_redraws(records),
         "median_s": median_seconds(records),
+        "limits_exceeded": {str(r.index): r.exceeded for r in records if r.exceeded},
+        "worst_peaks": worst_peaks(records),
         "wall_s": wall_s,
     }
 
@@ -72,6 +75,11 @@ def print_report(console: Console, records: Sequence[TrialRecord], title: str) -
     for name, figures in (
         ("failures by stage", failures_by_stage(records)),
         ("starts drawn again", total_redraws(records)),
+        (
+            "limits exceeded in trials",
+            {record.index: " and ".join(record.exceeded) for record in records if record.exceeded},
+        ),
+        ("worst of all trials", worst_peaks(records)),
         ("median seconds", {k: f"{v:.2f}" for k, v in median_seconds(records).items()}),
     ):
         listed = ", ".join(f"{key} {value}" for key, value in figures.items())
@@ -87,6 +95,7 @@ def _row(record: TrialRecord) -> str:
         f"{1000 * record.mug_diameter_m:.0f} mm",
         f'<span class="{style}">{html.escape(record.outcome)}</span>',
         html.escape(record.reason),
+        f'<span class="failed">{html.escape(", ".join(record.exceeded))}</span>',
         replay,
     )
     return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
@@ -95,7 +104,8 @@ def _row(record: TrialRecord) -> str:
 def index_page(records: Sequence[TrialRecord], title: str) -> str:
     """Return an HTML page that lists the trials and links their recordings."""
     heads = "".join(
-        f"<th>{head}</th>" for head in ("trial", "mug", "diameter", "outcome", "reason", "")
+        f"<th>{head}</th>"
+        for head in ("trial", "mug", "diameter", "outcome", "reason", "limits exceeded", "")
     )
     rates = "".join(
         f"<li>{html.escape(name)}: {html.escape(str(rate))}</li>"

@@ -1,7 +1,7 @@
 """Setting a trial up: a mug at rest at a station, and what looks at it and plans."""
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -9,16 +9,16 @@ import numpy as np
 
 from planning.planner import Planner, make_planner
 from planning.problem import Subgoal
+from scenarios.mug_check import read_grasps
+from scenarios.mug_source import MugSource
 from scenarios.recording import FRAMES_PER_SECOND, TrialRecorder
 from scenarios.trial_spec import TrialSpec
 from split_drake.data.grasps import GraspLabels, sample_grasps
-from split_drake.data.mugs import load_mug
 from split_drake.objects import MugShape
 from split_drake.oracle import OracleDetector, Truth
 from split_drake.pose_set import PoseDetector
 from split_drake.starts import NoStartError, draw_start, reject_for_hang, reject_for_reorient
 from split_drake.station import Station
-from split_drake.station_config import StationConfig
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ def set_up(spec: TrialSpec, rng: np.random.Generator) -> Setup:
     reject = reject_for_hang if spec.task is Subgoal.HANG else reject_for_reorient
     for name in spec.mug_names():
         recorder = None if spec.record == "none" else TrialRecorder()
-        mug = load_mug(name)
+        mug = spec.load_mug(name)
         station = Station(
-            StationConfig(meshcat_rate_hz=FRAMES_PER_SECOND),
+            replace(spec.station, meshcat_rate_hz=FRAMES_PER_SECOND),
             [mug.body],
             meshcat=recorder.meshcat if recorder else None,
         )
@@ -66,14 +66,16 @@ def set_up(spec: TrialSpec, rng: np.random.Generator) -> Setup:
             continue
         redraws.update(start.redraws)
         return Setup(mug, station, truth, redraws, recorder)
-    raise NoStartError(f"all mugs of {spec.mugs}", list(redraws.elements()))
+    raise NoStartError(f"all mugs of {spec.mugs.where}", list(redraws.elements()))
 
 
 def make_detector(spec: TrialSpec, setup: Setup) -> PoseDetector:
     """Return the detector that a trial asks for."""
     if spec.detector == "split":
         return _split_detector(spec.checkpoint)
-    return OracleDetector(setup.truth, setup.mug, _grasp_labels(setup.mug.body.name))
+    return OracleDetector(
+        setup.truth, setup.mug, _grasp_labels(spec.mugs, setup.mug.body.name, spec.folder)
+    )
 
 
 @lru_cache(maxsize=1)
@@ -93,7 +95,9 @@ def _split_detector(checkpoint: Path | None) -> PoseDetector:
     return SplitDetector.from_checkpoint(checkpoint)
 
 
-@lru_cache(maxsize=4)
-def _grasp_labels(mug: str) -> GraspLabels:
+@lru_cache(maxsize=64)
+def _grasp_labels(mugs: MugSource, name: str, folder: Path) -> GraspLabels:
     """Return the true grasps of a mug, the same in every trial with it."""
-    return sample_grasps(load_mug(mug), np.random.default_rng(0))
+    if mugs.folder is not None:
+        return read_grasps(folder, name)
+    return sample_grasps(mugs.load(name), np.random.default_rng(0))

@@ -1,11 +1,13 @@
 """What determines a trial."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from planning.problem import Subgoal
-from split_drake.data.mugs import Split, mug_names
+from scenarios.mug_source import MugSource
+from split_drake.objects import MugShape
+from split_drake.station_config import StationConfig
 
 if TYPE_CHECKING:
     from scenarios.mug_hang import MugHangOptions
@@ -18,15 +20,17 @@ class TrialSpec:
     Attributes:
         index: of the trial in its run.
         seed: of everything that the trial draws.
-        mugs: split that the shapes come from; its mugs take turns by seed.
+        mugs: that take turns by seed.
         task: to be reached.
         detector, planner, checkpoint, noise_m, record: as in MugHangOptions.
         folder: of the run.
+        station: layout, contact and control.
+        mass_kg: of every mug, where not its own.
     """
 
     index: int
     seed: int
-    mugs: Split
+    mugs: MugSource
     task: Subgoal
     detector: str
     planner: str
@@ -34,6 +38,8 @@ class TrialSpec:
     noise_m: float
     record: str
     folder: Path
+    station: StationConfig = field(default_factory=StationConfig)
+    mass_kg: float | None = None
 
     @classmethod
     def of(cls, options: "MugHangOptions", index: int, folder: Path) -> Self:
@@ -41,7 +47,7 @@ class TrialSpec:
         return cls(
             index=index,
             seed=options.seed + index,
-            mugs=options.mugs,
+            mugs=MugSource(options.mugs),
             task=Subgoal(options.task),
             detector=options.detector,
             planner=options.planner,
@@ -52,7 +58,14 @@ class TrialSpec:
         )
 
     def mug_names(self) -> tuple[str, ...]:
-        """Return the split's mugs from this trial's on, each once."""
-        names = mug_names(self.mugs)
+        """Return the source's mugs from this trial's on, each once."""
+        names = self.mugs.names()
         first = self.seed % len(names)
         return names[first:] + names[:first]
+
+    def load_mug(self, name: str) -> MugShape:
+        """Return a mug of the source, as heavy as this trial wants it."""
+        mug = self.mugs.load(name)
+        if self.mass_kg is None:
+            return mug
+        return replace(mug, body=mug.body.with_mass(self.mass_kg))

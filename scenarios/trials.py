@@ -21,11 +21,12 @@ from planning.problem import (
     Subgoal,
 )
 from planning.sequencer import Attempt, Sequencer, SequenceResult
+from scenarios.limit_log import LimitLog
+from scenarios.provenance import peak_memory_bytes
 from scenarios.recording import TrialRecorder
 from scenarios.records import SUCCESS, TrialRecord
 from scenarios.trial_setup import make_detector, planner_named, set_up
 from scenarios.trial_spec import TrialSpec
-from split_drake.data.mugs import load_mug
 from split_drake.objects import MugShape
 from split_drake.pose_set import PoseSet, PoseTask, save_pose_sets
 from split_drake.scene import Scene
@@ -35,7 +36,7 @@ from split_drake.verdicts import Verdict, hang_verdict, reorient_verdict
 def run_trial(spec: TrialSpec) -> TrialRecord:
     """Run a trial.  One that throws is recorded as a simulator error, with its traceback."""
     logging.getLogger("drake").setLevel(logging.WARNING)
-    mug = load_mug(spec.mug_names()[0])
+    mug = spec.load_mug(spec.mug_names()[0])
     try:
         trial = _Trial(spec)
         mug = trial.setup.mug
@@ -47,7 +48,7 @@ def run_trial(spec: TrialSpec) -> TrialRecord:
 
 def crashed_trial(spec: TrialSpec) -> TrialRecord:
     """Return the record of a trial whose process died."""
-    mug = load_mug(spec.mug_names()[0])
+    mug = spec.load_mug(spec.mug_names()[0])
     return _failed_trial(spec, mug, "the worker process died", None)
 
 
@@ -57,6 +58,7 @@ def _failed_trial(spec: TrialSpec, mug: MugShape, reason: str, trace: str | None
         seed=spec.seed,
         mug=mug.body.name,
         mug_diameter_m=mug.outer_diameter_m,
+        mesh_sha256=spec.mugs.mesh_sha256(mug.body.name),
         outcome=Stage.SIMULATOR_ERROR,
         reason=reason,
         traceback=trace,
@@ -94,6 +96,7 @@ class _Trial:
         self.setup = set_up(spec, self._start_rng)
         self._station, self._recorder = self.setup.station, self.setup.recorder
         self._detector = make_detector(spec, self.setup)
+        self._limits = LimitLog(self._station, self.setup.truth)
         self._lifting = False
         self._perceived: list[tuple[Scene, dict[PoseTask, PoseSet]]] = []
 
@@ -110,6 +113,7 @@ class _Trial:
             seed=self._spec.seed,
             mug=self.setup.mug.body.name,
             mug_diameter_m=self.setup.mug.outer_diameter_m,
+            mesh_sha256=self._spec.mugs.mesh_sha256(self.setup.mug.body.name),
             outcome=SUCCESS if verdict.success else result.stage or Stage.PLACEMENT,
             reason=verdict.reason,
             attempts=tuple(_attempt_record(attempt) for attempt in result.attempts),
@@ -122,6 +126,8 @@ class _Trial:
                 "verdict": judged - executed,
             },
             simulated_s=self._station.time_s - started_s,
+            peaks=self._limits.peaks.rounded(),
+            memory_bytes=peak_memory_bytes(),
             recording=self._save_recording(verdict),
         )
 

@@ -1,7 +1,7 @@
 """Rigid objects that are put on the table: mesh, mass and collision geometry."""
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, Self
 
 import numpy as np
 import trimesh
@@ -50,6 +50,11 @@ class RigidObject:
             raise ValueError(f"mass_kg of {self.name} is {self.mass_kg}; expected more than 0")
         if not self.collision:
             raise ValueError(f"{self.name} has no collision geometry")
+
+    def with_mass(self, mass_kg: float) -> Self:
+        """Return the body as heavy as given, its mass distributed as before."""
+        inertia = self.inertia_kg_m2 * (mass_kg / self.mass_kg)
+        return replace(self, mass_kg=mass_kg, inertia_kg_m2=inertia)
 
 
 @dataclass(frozen=True)

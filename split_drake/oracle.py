@@ -3,12 +3,13 @@
 Nothing else reads the simulator's state; detectors and planners see depth images only.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from pydrake.multibody.tree import RigidBody
 
+from split_drake.contacts import contacts_of, penetration_m
 from split_drake.data.grasps import GraspLabels, feasible
 from split_drake.objects import MugShape
 from split_drake.pose_set import PoseSet, PoseTask
@@ -24,12 +25,10 @@ class ObjectContact:
     Attributes:
         body: name of the other body.
         p_WC: (3,) the point, metres in W.
-        depth_m: penetration there.
     """
 
     body: str
     p_WC: Array
-    depth_m: float
 
 
 class Truth:
@@ -57,26 +56,22 @@ class Truth:
 
     def contacts(self, index: int = 0) -> tuple[ObjectContact, ...]:
         """Return all points where an object touches something, as of the last step."""
-        return tuple(self._iterate_contacts(index))
+        found = contacts_of(
+            self._plant, self._station.plant_context, self._station.object_body(index)
+        )
+        return tuple(ObjectContact(body, p_WC) for body, p_WC in found)
 
     def touching(self, index: int = 0) -> frozenset[str]:
         """Return the names of the bodies that an object touches."""
-        return frozenset(contact.body for contact in self._iterate_contacts(index))
+        return frozenset(contact.body for contact in self.contacts(index))
+
+    def penetration_m(self, bodies: Collection[str], index: int = 0) -> float:
+        """Return how deep an object's pieces overlap with the bodies of these names, 0 if not."""
+        own = self._station.objects[index].name
+        return penetration_m(self._plant, self._station.plant_context, bodies, {own})
 
     def _body(self, index: int) -> RigidBody:
         return self._plant.get_body(self._station.object_body(index))
-
-    def _iterate_contacts(self, index: int) -> Iterator[ObjectContact]:
-        port = self._plant.get_contact_results_output_port()
-        results = port.Eval(self._station.plant_context)
-        own = self._station.object_body(index)
-        for number in range(results.num_point_pair_contacts()):
-            info = results.point_pair_contact_info(number)
-            pair = {info.bodyA_index(), info.bodyB_index()}
-            if own in pair:
-                (other,) = pair - {own}
-                name = self._plant.get_body(other).name()
-                yield ObjectContact(name, info.contact_point(), info.point_pair().depth)
 
 
 class OracleDetector:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import Context
 
 import models
 from split_drake.gripper import MAX_OPENING_M
@@ -74,11 +75,24 @@ def panda_positions(q: Array, opening_m: float) -> Array:
 
 
 @lru_cache(maxsize=1)
-def arm_limits() -> ArmLimits:
-    """Return the arm's limits as the URDF gives them."""
+def _panda_alone() -> tuple[MultibodyPlant, Context]:
     plant = MultibodyPlant(time_step=0.001)
     add_panda(plant)
     plant.Finalize()
+    return plant, plant.CreateDefaultContext()
+
+
+def weight_torques_nm(q: Array) -> Array:
+    """Return the torques (7,) that hold the arm with an empty hand still at `q` (7,)."""
+    plant, context = _panda_alone()
+    plant.SetPositions(context, panda_positions(q, 0.0))
+    return -np.asarray(plant.CalcGravityGeneralizedForces(context))[:7]
+
+
+@lru_cache(maxsize=1)
+def arm_limits() -> ArmLimits:
+    """Return the arm's limits as the URDF gives them."""
+    plant, _ = _panda_alone()
     joints = [plant.GetJointByName(name) for name in ARM_JOINTS]
     actuators = [plant.GetJointActuatorByName(name) for name in ARM_JOINTS]
     return ArmLimits(

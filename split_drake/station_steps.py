@@ -3,7 +3,9 @@
 from collections.abc import Sequence
 
 from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
     AddContactMaterial,
+    AddRigidHydroelasticProperties,
     Meshcat,
     MeshcatVisualizer,
     MeshcatVisualizerParams,
@@ -23,15 +25,18 @@ from pydrake.systems.sensors import RgbdSensor
 
 from split_drake.arm_command import ArmCommandSystem
 from split_drake.detector_system import PoseDetectorSystem
-from split_drake.panda import ARM_JOINTS, FINGER_JOINTS
+from split_drake.panda import ARM_JOINTS, FINGER_BODIES, FINGER_JOINTS
 from split_drake.station_config import StationConfig
+
+# Edges of the meshes that stand for round shapes in hydroelastic contact.
+_MESH_EDGE_M = 0.004
 
 
 def add_plant(builder: DiagramBuilder, config: StationConfig) -> tuple[MultibodyPlant, SceneGraph]:
     plant_config = MultibodyPlantConfig(
         time_step=config.time_step_s,
-        contact_model="point",
-        discrete_contact_approximation="sap",
+        contact_model=config.contact_model,
+        discrete_contact_approximation=config.contact_approximation,
     )
     return AddMultibodyPlant(plant_config, builder)
 
@@ -51,6 +56,14 @@ def set_contact_material(
     plant: MultibodyPlant, scene_graph: SceneGraph, config: StationConfig
 ) -> None:
     """Give every collision geometry the material of the configuration."""
+    for index in range(plant.num_bodies()):
+        body = plant.get_body(BodyIndex(index))
+        material = _material(config, compliant=body.name() in FINGER_BODIES)
+        for geometry in plant.GetCollisionGeometriesForBody(body):
+            scene_graph.AssignRole(plant.get_source_id(), geometry, material, RoleAssign.kReplace)
+
+
+def _material(config: StationConfig, compliant: bool) -> ProximityProperties:
     material = ProximityProperties()
     AddContactMaterial(
         dissipation=config.dissipation_s_per_m,
@@ -59,9 +72,12 @@ def set_contact_material(
         properties=material,
     )
     material.AddProperty("material", "relaxation_time", config.relaxation_time_s)
-    for index in range(plant.num_bodies()):
-        for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(BodyIndex(index))):
-            scene_graph.AssignRole(plant.get_source_id(), geometry, material, RoleAssign.kReplace)
+    if config.contact_model != "point":
+        if compliant:
+            AddCompliantHydroelasticProperties(_MESH_EDGE_M, config.pad_modulus_pa, material)
+        else:
+            AddRigidHydroelasticProperties(_MESH_EDGE_M, material)
+    return material
 
 
 def add_command(

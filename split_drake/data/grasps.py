@@ -31,6 +31,8 @@ __all__ = [
 ]
 
 MIN_WIDTH_M = 0.0015
+# Scans have walls as thin as this; their collision pieces are thick enough for the pads.
+SCANNED_WIDTH_M = 0.0005
 MAX_WIDTH_M = MAX_OPENING_M - 0.004
 CANDIDATE_POINTS = 7000
 CANDIDATE_TURNS = 6
@@ -59,7 +61,9 @@ class GraspLabels:
     X_OGnegatives: Array
 
 
-def _antipodal_lines(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) -> Array:
+def _antipodal_lines(
+    mesh: trimesh.Trimesh, count: int, rng: np.random.Generator, min_width_m: float
+) -> Array:
     """Return (N, 2, 3) ends of lines across material that start and end within friction cones.
 
     Lines start at `count` points spread over the surface, about along the normal; each of the
@@ -75,7 +79,7 @@ def _antipodal_lines(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator
         distances, met = caster.cast(p_OAs + (reached + step)[:, None] * inward, inward)
         reached = reached + step + distances
         square = np.einsum("ni,ni->n", mesh.face_normals[met], inward) > np.cos(CONE_RAD)
-        kept = (met >= 0) & square & (reached > MIN_WIDTH_M) & (reached < MAX_WIDTH_M)
+        kept = (met >= 0) & square & (reached > min_width_m) & (reached < MAX_WIDTH_M)
         if crossing % 2 == 0:
             ends = p_OAs[kept] + reached[kept, None] * inward[kept]
             lines.append(np.stack([p_OAs[kept], ends], axis=1))
@@ -84,10 +88,14 @@ def _antipodal_lines(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator
 
 
 def antipodal_candidates(
-    mesh: trimesh.Trimesh, count: int, turns: int, rng: np.random.Generator
+    mesh: trimesh.Trimesh,
+    count: int,
+    turns: int,
+    rng: np.random.Generator,
+    min_width_m: float = MIN_WIDTH_M,
 ) -> tuple[Array, Array]:
     """Return grasps (N, 4, 4) whose pads' centres face each other across material, and widths."""
-    lines = np.tile(_antipodal_lines(mesh, count, rng), (turns, 1, 1))
+    lines = np.tile(_antipodal_lines(mesh, count, rng, min_width_m), (turns, 1, 1))
     span = lines[:, 1] - lines[:, 0]
     widths = np.linalg.norm(span, axis=1)
     y = span / widths[:, None]
@@ -117,15 +125,19 @@ def sample_grasps(
     rng: np.random.Generator,
     positives: int = 1500,
     negatives: int = 400,
+    min_width_m: float = MIN_WIDTH_M,
 ) -> GraspLabels:
     """Return at most `positives` true grasps of a mug and `negatives` false ones.
 
-    Of the false ones a third each collide, hold badly, and are true ones displaced.
+    Of the false ones a third each collide, hold badly, and are true ones displaced.  Grasps across
+    less than `min_width_m` are left out.
 
     Raises ValueError where the mug has no grasp.
     """
     judge = GraspJudge(mug.body.mesh)
-    X_OGs, widths = antipodal_candidates(mug.body.mesh, CANDIDATE_POINTS, CANDIDATE_TURNS, rng)
+    X_OGs, widths = antipodal_candidates(
+        mug.body.mesh, CANDIDATE_POINTS, CANDIDATE_TURNS, rng, min_width_m
+    )
     openings = opening_for(widths)
     qualities = judge.qualities(X_OGs, openings)
     firm = np.flatnonzero(qualities >= MIN_QUALITY)

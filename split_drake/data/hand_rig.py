@@ -17,6 +17,7 @@ from pydrake.multibody.tree import Joint, RigidBody, SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
 
+from split_drake.contacts import contacts_of, penetration_m
 from split_drake.fixtures import TABLE_BODY, add_objects, drake_shape, table_primitive
 from split_drake.gripper import MAX_FORCE_N
 from split_drake.objects import RigidObject
@@ -68,7 +69,6 @@ class HandRig:
         builder.ExportInput(self._plant.get_applied_spatial_force_input_port(), "load")
         self._diagram = builder.Build()
         self._simulator = Simulator(self._diagram)
-        self._hand_bodies = {self._plant.GetBodyByName(name).index() for name in HAND_BODIES}
         self._lock()
         home = panda_positions(Q_HOME, 0.0)
         self._plant.SetPositions(self._plant_context, self._panda, home)
@@ -127,29 +127,17 @@ class HandRig:
 
     def fingers_touching(self) -> int:
         """Return how many of the two fingers touch the object."""
-        own = self._object.index()
-        results = self._plant.get_contact_results_output_port().Eval(self._plant_context)
-        touching = set()
-        for number in range(results.num_point_pair_contacts()):
-            info = results.point_pair_contact_info(number)
-            pair = {info.bodyA_index(), info.bodyB_index()}
-            if own in pair:
-                touching |= pair - {own}
-        names = {self._plant.get_body(index).name() for index in touching}
-        return len(names & set(FINGER_BODIES))
+        touching = contacts_of(self._plant, self._plant_context, self._object.index())
+        return len({name for name, _ in touching} & set(FINGER_BODIES))
 
     def hand_penetration_m(self) -> float:
         """Return how deep the hand is in the object or the table, 0 where it touches neither."""
-        query = self._plant.get_geometry_query_input_port().Eval(self._plant_context)
-        deepest = 0.0
-        for pair in query.ComputePointPairPenetration():
-            bodies = [
-                self._plant.GetBodyFromFrameId(query.inspector().GetFrameId(geometry)).index()
-                for geometry in (pair.id_A, pair.id_B)
-            ]
-            if any(index in self._hand_bodies for index in bodies):
-                deepest = max(deepest, pair.depth)
-        return deepest
+        others = {self.body.name, TABLE_BODY}
+        return penetration_m(self._plant, self._plant_context, HAND_BODIES, others)
+
+    def pad_penetration_m(self) -> float:
+        """Return how deep a finger is in the object, 0 where neither is."""
+        return penetration_m(self._plant, self._plant_context, FINGER_BODIES, {self.body.name})
 
     @property
     def _context(self) -> Context:

@@ -37,11 +37,21 @@ _FOOT_M = 0.002
 def load_mug_folder(folder: Path) -> tuple[MugShape, ...]:
     """Return the mugs of a folder of mesh files, or of folders holding one each, sorted by name.
 
+    Raises as `mug_files` does, and InvalidMugError, naming the file, where a mesh is no mug.
+    """
+    return tuple(load_mug_file(path, name) for name, path in mug_files(folder).items())
+
+
+def mug_files(folder: Path) -> dict[str, Path]:
+    """Return {name: mesh file} of a folder of mesh files, or of folders holding one each, sorted.
+
     A mug is called as its file, or as the folder that holds it.
 
-    Raises FileNotFoundError where there is no mesh file, ValueError where a folder holds several
-    or two mugs have one name, and InvalidMugError, naming the file, where a mesh is no mug.
+    Raises FileNotFoundError where there is no mesh file, and ValueError where a folder holds
+    several or two mugs have one name.
     """
+    if not folder.is_dir():
+        raise FileNotFoundError(f"there is no folder {folder}; expected one of mesh files")
     named = [(path.stem, path) for path in _mesh_files(folder)]
     for inner in (path for path in folder.iterdir() if path.is_dir()):
         meshes = _mesh_files(inner)
@@ -53,7 +63,7 @@ def load_mug_folder(folder: Path) -> tuple[MugShape, ...]:
     name, count = Counter(name for name, _ in named).most_common(1)[0]
     if count > 1:
         raise ValueError(f"{count} mugs in {folder} are called {name!r}; expected different names")
-    return tuple(load_mug_file(path, name) for name, path in sorted(named))
+    return dict(sorted(named))
 
 
 def _mesh_files(folder: Path) -> list[Path]:

@@ -1,0 +1,59 @@
+"""Who touches a body, and how deep, in a plant with point or hydroelastic contact."""
+
+from collections.abc import Collection, Iterator
+
+import numpy as np
+from pydrake.geometry import FrameId, GeometryId
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.framework import Context
+
+from split_drake.poses import Array
+
+
+def contacts_of(
+    plant: MultibodyPlant, context: Context, own: BodyIndex
+) -> Iterator[tuple[str, Array]]:
+    """Yield what a body touches, as of the last step: the other's name and a point (3,) in W.
+
+    A hydroelastic contact surface counts as one contact, at its centroid.
+    """
+    results = plant.get_contact_results_output_port().Eval(context)
+    for number in range(results.num_point_pair_contacts()):
+        info = results.point_pair_contact_info(number)
+        pair = {info.bodyA_index(), info.bodyB_index()}
+        if own in pair:
+            (other,) = pair - {own}
+            yield plant.get_body(other).name(), info.contact_point()
+    for number in range(results.num_hydroelastic_contacts()):
+        surface = results.hydroelastic_contact_info(number).contact_surface()
+        pair = {_body_of(plant, context, id) for id in (surface.id_M(), surface.id_N())}
+        if own in pair:
+            (other,) = pair - {own}
+            yield plant.get_body(other).name(), np.asarray(surface.centroid())
+
+
+def penetration_m(
+    plant: MultibodyPlant, context: Context, one: Collection[str], other: Collection[str]
+) -> float:
+    """Return how deep bodies named in `one` and in `other` overlap now; 0 where none do.
+
+    By the shapes alone, whatever the contact model makes of them.
+    """
+    query = plant.get_geometry_query_input_port().Eval(context)
+    inspector, ones, others = query.inspector(), _frames(plant, one), _frames(plant, other)
+    deepest = 0.0
+    for pair in query.ComputePointPairPenetration():
+        a, b = inspector.GetFrameId(pair.id_A), inspector.GetFrameId(pair.id_B)
+        if (a in ones and b in others) or (b in ones and a in others):
+            deepest = max(deepest, float(pair.depth))
+    return deepest
+
+
+def _frames(plant: MultibodyPlant, names: Collection[str]) -> set[FrameId]:
+    return {plant.GetBodyFrameIdOrThrow(plant.GetBodyByName(name).index()) for name in names}
+
+
+def _body_of(plant: MultibodyPlant, context: Context, geometry: GeometryId) -> BodyIndex:
+    inspector = plant.get_geometry_query_input_port().Eval(context).inspector()
+    return plant.GetBodyFromFrameId(inspector.GetFrameId(geometry)).index()
