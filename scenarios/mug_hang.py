@@ -19,13 +19,14 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from planning.planner import planner_names
-from scenarios.files import write_atomically, write_json
+from scenarios.files import write_atomically
 from scenarios.mug_check import check_mugs
 from scenarios.mug_source import MugSource
 from scenarios.pool import WorkerPool
 from scenarios.provenance import file_sha256, git_commit, package_versions
 from scenarios.records import Rate, TrialRecord, read_records
 from scenarios.report import print_report, run_title, write_report
+from scenarios.resume import claim_folder
 from scenarios.trial_spec import TrialSpec
 from scenarios.trials import crashed_trial, run_trial
 
@@ -100,17 +101,7 @@ def open_run(folder: Path, config: dict[str, Any]) -> list[TrialRecord]:
 
     Raises ValueError where they were made with other options, weights or code.
     """
-    path = folder / "config.json"
-    if path.exists():
-        before = json.loads(path.read_text())
-        changed = [
-            f"{key} was {before.get(key)!r}, is {value!r}"
-            for key, value in config.items()
-            if key not in _FREE_KEYS and before.get(key) != value
-        ]
-        if changed:
-            raise ValueError(f"{folder} holds another run ({'; '.join(changed)}); choose an --out")
-    write_json(path, config)
+    claim_folder(folder, config, _FREE_KEYS)
     log = folder / "trials.jsonl"
     records = read_records(log)
     # A kill may have cut off the last line; what is appended must start on one of its own.

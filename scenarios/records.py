@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from scenarios.limit_log import Peaks, worst
+from scenarios.resume import read_json_lines
 
 SUCCESS = "success"
 WIDE_MUG_M = 0.076  # wider bodies do not fit between the fingers
@@ -73,21 +74,10 @@ def read_records(path: Path) -> list[TrialRecord]:
 
     A last line that was cut off by a kill is left out; any other bad line raises ValueError.
     """
-    if not path.exists():
-        return []
-    lines = path.read_text().split("\n")
-    records = []
-    for number, line in enumerate(lines, start=1):
-        if not line:
-            continue
-        try:
-            fields = json.loads(line)
-        except json.JSONDecodeError as error:
-            if number == len(lines):
-                break
-            raise ValueError(f"{path}:{number} is not JSON: {error}") from error
-        fields["attempts"] = tuple(fields["attempts"])
-        records.append(TrialRecord(**fields))
+    records = [
+        TrialRecord(**{**fields, "attempts": tuple(fields["attempts"])})
+        for fields in read_json_lines(path)
+    ]
     return sorted(records, key=lambda record: record.index)
 
 

@@ -42,6 +42,7 @@ SHAKE_S = 0.3
 SHAKE_HZ = (4.0, 5.0, 6.5)
 LIFT_M_S2 = 3.0
 _STEP_S = 0.01
+_KEEP_STEP_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,25 @@ class Hold:
     @property
     def holds(self) -> bool:
         return not self.fault
+
+
+@dataclass(frozen=True)
+class Keep:
+    """What became of an object that a hand keeps still.
+
+    Attributes:
+        fault: as in `Hold`.
+        penetration_m: the deepest that a pad and the object overlapped.
+        slip_m: how far the object's origin O moved in the hand at most, once gravity acted.
+        turn_rad: how far it turned at most.
+        simulated_s: from the start of closing on.
+    """
+
+    fault: Fault
+    penetration_m: float
+    slip_m: float
+    turn_rad: float
+    simulated_s: float
 
 
 def _failed(fault: Fault) -> Hold:
@@ -96,6 +116,29 @@ class FreeHand:
         R_GW = X_GW[:3, :3]
         down_G = -GRAVITY_M_S2 * R_GW[:, 2]
         return self._try(opening_m, down_G, (R_GW @ a_W for a_W in _lift_and_shakes()))
+
+    def keep(self, X_OG: Array, opening_m: float, down_G: Array, duration_s: float) -> Keep:
+        """Close by a grasp X_OG (4, 4) and hold the object still for a while.
+
+        Gravity points along the unit vector `down_G` (3,).  What moves too far ends it early.
+        """
+        self._rig.reset(invert_pose(X_OG), opening_m)
+        self._close(self._close_freely(opening_m), np.zeros(3))
+        depth_m, weight_G = self._rig.pad_penetration_m(), self._mass_kg * GRAVITY_M_S2 * down_G
+        if self._rig.fingers_touching() < 2:
+            return Keep("empty", depth_m, float("inf"), float("inf"), self._rig.time_s)
+        self._rig.advance(SETTLE_S, SQUEEZE_M, weight_G)
+        X_GOHeld, slip_m, turn_rad = self._rig.X_GO, 0.0, 0.0
+        fault: Fault = ""
+        end_s = self._rig.time_s + duration_s
+        while self._rig.time_s < end_s - 1e-9 and not fault:
+            self._rig.advance(_KEEP_STEP_S, SQUEEZE_M, weight_G)
+            X_GO, depth_m = self._rig.X_GO, max(depth_m, self._rig.pad_penetration_m())
+            slip_m = max(slip_m, float(np.linalg.norm(X_GO[:3, 3] - X_GOHeld[:3, 3])))
+            turn_rad = max(turn_rad, float(rotation_error_rad(X_GO[:3, :3], X_GOHeld[:3, :3])))
+            if slip_m > MAX_SLIP_M or turn_rad > MAX_TURN_RAD:
+                fault = "slipped"
+        return Keep(fault, depth_m, slip_m, turn_rad, self._rig.time_s)
 
     def _try(self, opening_m: float, closing_G: Array, carrying_G: Iterator[Array]) -> Hold:
         """Close, then carry; `closing_G` and `carrying_G` are accelerations (3,) that it feels."""

@@ -115,6 +115,11 @@ class HandRig:
         self._simulator.AdvanceTo(self._context.get_time() + duration_s)
 
     @property
+    def time_s(self) -> float:
+        """Simulated time since `reset`."""
+        return float(self._context.get_time())
+
+    @property
     def X_GO(self) -> Array:
         """Where the object is, (4, 4)."""
         X_SO = self._plant.EvalBodyPoseInWorld(self._plant_context, self._object)

@@ -1,0 +1,109 @@
+"""How fast trials are: `python -m scenarios.speed --out DIR`, on a machine that does nothing else.
+
+Runs the same trials with one worker and with two, recordings included, and prints what they took
+beside what the project promises.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from scenarios import mug_hang
+from scenarios.records import TrialRecord, read_records
+
+GIB = 2.0**30
+
+
+@dataclass(frozen=True)
+class SpeedOptions:
+    """Which trials to time.
+
+    Attributes:
+        out: folder for the two runs; one that was interrupted goes on.
+        trials: in each run.
+        seed: of the first trial.
+        detector: as in mug_hang.
+    """
+
+    out: Path
+    trials: int = 40
+    seed: int = 0
+    detector: Literal["split", "oracle"] = "split"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured number and its bound.
+
+    Attributes:
+        name: what is measured, with its unit.
+        value: measured.
+        bound: promised.
+        at_most: whether the bound is an upper one.
+    """
+
+    name: str
+    value: float
+    bound: float
+    at_most: bool
+
+    @property
+    def met(self) -> bool:
+        return self.value <= self.bound if self.at_most else self.value >= self.bound
+
+
+def figures(
+    alone: Sequence[TrialRecord], alone_wall_s: float, both: Sequence[TrialRecord], wall_s: float
+) -> list[Figure]:
+    """Return the figures of the same trials run by one worker (`alone`) and by two (`both`)."""
+    planned = [record for record in alone if "planning" in record.seconds]
+    if not planned:
+        raise ValueError(f"none of {len(alone)} trials came as far as planning; nothing is timed")
+    executed_s = sum(r.seconds["execution"] + r.seconds["verdict"] for r in planned)
+    simulated_s = sum(record.simulated_s for record in planned)
+    planning_s = float(np.median([record.seconds["planning"] for record in planned]))
+    memory = max(record.memory_bytes for record in both) / GIB
+    return [
+        Figure("planning, median s a trial", planning_s, 1.0, True),
+        Figure("simulated s a second, one core", simulated_s / executed_s, 3.0, False),
+        Figure("minutes for 40 trials, two workers", wall_s / 60.0 * 40.0 / len(both), 6.0, True),
+        Figure("GiB a worker, at most", memory, 1.5, True),
+        Figure("two workers, times as fast as one", alone_wall_s / wall_s, 1.8, False),
+    ]
+
+
+def main(options: SpeedOptions) -> list[Figure]:
+    """Run both, print the table, and return its figures."""
+    console, runs = Console(), []
+    for workers in (1, 2):
+        folder = options.out / f"{workers}_workers"
+        mug_hang.main(
+            mug_hang.MugHangOptions(
+                trials=options.trials,
+                seed=options.seed,
+                detector=options.detector,
+                workers=workers,
+                out=folder,
+            )
+        )
+        wall_s = json.loads((folder / "summary.json").read_text())["wall_s"]
+        runs.append((read_records(folder / "trials.jsonl"), wall_s))
+    (alone, alone_wall_s), (both, wall_s) = runs
+    found = figures(alone, alone_wall_s, both, wall_s)
+    table = Table("figure", "measured", "promised", "")
+    for figure in found:
+        bound = f"{'<=' if figure.at_most else '>='} {figure.bound:g}"
+        table.add_row(figure.name, f"{figure.value:.2f}", bound, "" if figure.met else "missed")
+    console.print(table)
+    return found
+
+
+if __name__ == "__main__":
+    main(tyro.cli(SpeedOptions, description=__doc__))
