@@ -75,7 +75,7 @@ def test_the_number_of_workers_changes_no_outcome(tmp_path: Path) -> None:
 
 def _without_wall_times(record: TrialRecord) -> TrialRecord:
     attempts = tuple({**attempt, "planning_s": 0.0} for attempt in record.attempts)
-    return replace(record, seconds={}, attempts=attempts)
+    return replace(record, seconds={}, memory_bytes=0, attempts=attempts)
 
 
 def test_seeds_choose_the_mug_and_do_not_depend_on_the_run(tmp_path: Path) -> None:
