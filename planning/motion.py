@@ -1,5 +1,8 @@
 """Collision-free motions between configurations, and their timing."""
 
+from dataclasses import dataclass
+from typing import Protocol
+
 import numpy as np
 
 from planning.problem import JointTrajectory
@@ -10,14 +13,36 @@ from planning.world import CollisionWorld, Situation
 from split_drake.poses import Array
 
 
+@dataclass(frozen=True)
+class NoMotion:
+    """No path between two configurations, and why."""
+
+    reason: str
+
+
+class FreeMotion(Protocol):
+    """Joins two configurations: what planners that pick and place alike may differ in."""
+
+    def __call__(
+        self,
+        world: CollisionWorld,
+        q_start: Array,
+        q_goal: Array,
+        situation: Situation,
+        rng: np.random.Generator,
+    ) -> Array | NoMotion:
+        """Return a path (N, 7) from `q_start` to `q_goal`, rad, that is free throughout."""
+        ...
+
+
 def free_motion(
     world: CollisionWorld,
     q_start: Array,
     q_goal: Array,
     situation: Situation,
     rng: np.random.Generator,
-) -> Array | None:
-    """Return a path (N, 7) that is free throughout, or None.
+) -> Array | NoMotion:
+    """Return a path (N, 7) that is free throughout, or why there is none.
 
     A straight joint motion where that is free; else RRT-Connect's path, smoothed by trajectory
     optimization where the smooth one is free as well.
@@ -25,13 +50,25 @@ def free_motion(
     straight = np.stack([q_start, q_goal])
     if world.path_free(straight, situation):
         return straight
-    found = rrt_connect(q_start, q_goal, lambda qs: world.path_free(qs, situation), rng)
-    if found is None:
-        return None
+    found = rrt_motion(world, q_start, q_goal, situation, rng)
+    if isinstance(found, NoMotion):
+        return found
     smooth = optimize_path(world.checker, found, situation.opening_m)
     if smooth is not None and world.path_free(smooth, situation):
         return smooth
     return found
+
+
+def rrt_motion(
+    world: CollisionWorld,
+    q_start: Array,
+    q_goal: Array,
+    situation: Situation,
+    rng: np.random.Generator,
+) -> Array | NoMotion:
+    """Return RRT-Connect's path (N, 7) with shortcuts, or that there is none."""
+    found = rrt_connect(q_start, q_goal, lambda qs: world.path_free(qs, situation), rng)
+    return NoMotion("RRT-Connect found no free motion") if found is None else found
 
 
 def timed(world: CollisionWorld, qs: Array, situation: Situation, speed: Speed) -> JointTrajectory:

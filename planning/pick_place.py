@@ -8,7 +8,7 @@ from planning.candidates import BestPairs, distinct_modes
 from planning.fingers import FingerFit, fit_fingers, settled
 from planning.ik import DrakeIk, IkSolutions, follow, solve_ik
 from planning.kinematics import gripper_pose
-from planning.motion import free_motion
+from planning.motion import FreeMotion, NoMotion, free_motion
 from planning.perceived import PerceivedObject
 from planning.pick import LINE_STEP_M, Pick, PickSearch, balance, firmness
 from planning.place import Place, PlaceSearch
@@ -44,9 +44,14 @@ WITHDRAWALS_M = (0.15, 0.10, 0.05)
 
 @register_planner("default")
 class PickPlacePlanner:
-    """Plans pick-hang and pick-reorient from pose sets, the cloud and the static layout."""
+    """Plans pick-hang and pick-reorient from pose sets, the cloud and the static layout.
 
-    def __init__(self) -> None:
+    Args:
+        motion: joins the straight lines of pick and place.
+    """
+
+    def __init__(self, motion: FreeMotion = free_motion) -> None:
+        self._free_motion = motion
         self._ik = DrakeIk()
         self._world: CollisionWorld | None = None
 
@@ -59,7 +64,8 @@ class PickPlacePlanner:
         goals = placements(problem, target)
         if not goals:
             return PlanFailure(Stage.PERCEPTION, f"no goal for {problem.subgoal} was detected")
-        search = _Search(self._world_of(problem.layout), self._ik, problem, target, goals, rng)
+        world = self._world_of(problem.layout)
+        search = _Search(world, self._ik, self._free_motion, problem, target, goals, rng)
         return search.run(grasps)
 
     def _world_of(self, layout: Layout) -> CollisionWorld:
@@ -80,12 +86,14 @@ class _Search:
         self,
         world: CollisionWorld,
         ik: DrakeIk,
+        motion: FreeMotion,
         problem: PlanningProblem,
         target: PerceivedObject,
         goals: list[Placement],
         rng: np.random.Generator,
     ) -> None:
         self._world = world
+        self._free_motion = motion
         self._problem = problem
         self._target = target
         self._goals = goals
@@ -146,7 +154,6 @@ class _Search:
         goal = place.placement
         route = self._route(pick, place)
         if route is None:
-            self._places.rejected["no free motion"] += 1
             return None
         segments = plan_segments(self._world, self._target, pick, place, route)
         if self._problem.subgoal is Subgoal.HANG:
@@ -192,7 +199,11 @@ class _Search:
         return None
 
     def _motion(self, q_start: Array, q_goal: Array, situation: Situation) -> Array | None:
-        return free_motion(self._world, q_start, q_goal, situation, self._rng)
+        path = self._free_motion(self._world, q_start, q_goal, situation, self._rng)
+        if isinstance(path, NoMotion):
+            self._places.rejected[path.reason] += 1
+            return None
+        return path
 
     def _spent(self) -> bool:
         return (

@@ -18,7 +18,7 @@ class Planner(Protocol):
 
 
 # Modules that register planners; imported when a planner is first asked for.
-_MODULES = ("planning.pick_place",)
+_MODULES = ("planning.pick_place", "planning.rrt_planner", "planning.gcs_planner")
 _FACTORIES: dict[str, Callable[[], Planner]] = {}
 
 

@@ -66,7 +66,7 @@ class CollisionWorld:
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
-        self.checker = _static_checker(layout)
+        self.checker = static_checker(layout, HOOK_MARGIN_M)
         self._peg, self._post = hook_capsules(layout)
 
     def free(self, qs: Array, situation: Situation) -> BoolArray:
@@ -197,14 +197,14 @@ def _arm_free(X_WLs: Array, p_WPs: Array, last_link: int) -> BoolArray:
     return free
 
 
-def _static_checker(layout: Layout) -> SceneGraphCollisionChecker:
-    """Return the checker of the robot against table, hook (widened by the margin) and itself."""
+def static_checker(layout: Layout, hook_margin_m: float) -> SceneGraphCollisionChecker:
+    """Return the checker of the robot against table, hook (widened by a margin) and itself."""
     hook = replace(
         layout.hook,
-        peg_radius_m=layout.hook.peg_radius_m + HOOK_MARGIN_M,
-        tip_distance_m=layout.hook.tip_distance_m + HOOK_MARGIN_M,
-        post_radius_m=layout.hook.post_radius_m + HOOK_MARGIN_M,
-        post_above_m=layout.hook.post_above_m + HOOK_MARGIN_M,
+        peg_radius_m=layout.hook.peg_radius_m + hook_margin_m,
+        tip_distance_m=layout.hook.tip_distance_m + hook_margin_m,
+        post_radius_m=layout.hook.post_radius_m + hook_margin_m,
+        post_above_m=layout.hook.post_above_m + hook_margin_m,
     )
     builder = RobotDiagramBuilder(time_step=0.001)
     panda = add_panda(builder.plant())

@@ -4,6 +4,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -38,6 +39,23 @@ class Setup:
     truth: Truth
     redraws: Counter[str]
     recorder: TrialRecorder | None
+
+
+@dataclass(frozen=True)
+class TrialGenerators:
+    """What a trial draws from: one generator for each of its parts.
+
+    So the same seed gives every detector and planner the same scene.
+    """
+
+    start: np.random.Generator
+    noise: np.random.Generator
+    detector: np.random.Generator
+    planner: np.random.Generator
+
+    @classmethod
+    def of(cls, seed: int) -> Self:
+        return cls(*(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)))
 
 
 def set_up(spec: TrialSpec, rng: np.random.Generator) -> Setup:

@@ -25,7 +25,7 @@ from scenarios.limit_log import LimitLog
 from scenarios.provenance import peak_memory_bytes
 from scenarios.recording import TrialRecorder
 from scenarios.records import SUCCESS, TrialRecord
-from scenarios.trial_setup import make_detector, planner_named, set_up
+from scenarios.trial_setup import TrialGenerators, make_detector, planner_named, set_up
 from scenarios.trial_spec import TrialSpec
 from split_drake.objects import MugShape
 from split_drake.pose_set import PoseSet, PoseTask, save_pose_sets
@@ -80,20 +80,13 @@ class _ShowingPlanner:
 
 
 class _Trial:
-    """The parts of a trial and what they draw their randomness from.
-
-    Start, noise, detector and planner have generators of their own, so that the same seed gives
-    every detector and planner the same scene.
-    """
+    """The parts of a trial and what they draw their randomness from."""
 
     def __init__(self, spec: TrialSpec) -> None:
         self._spec = spec
-        children = np.random.SeedSequence(spec.seed).spawn(4)
-        self._start_rng, self._noise_rng, self._detector_rng, self._planner_rng = (
-            np.random.default_rng(child) for child in children
-        )
+        self._rngs = TrialGenerators.of(spec.seed)
         self._begun = time.monotonic()
-        self.setup = set_up(spec, self._start_rng)
+        self.setup = set_up(spec, self._rngs.start)
         self._station, self._recorder = self.setup.station, self.setup.recorder
         self._detector = make_detector(spec, self.setup)
         self._limits = LimitLog(self._station, self.setup.truth)
@@ -104,7 +97,7 @@ class _Trial:
         if self._recorder:
             self._recorder.start(self._station.time_s)
         started_s, begun = self._station.time_s, time.monotonic()
-        result = self._sequence().run(self._spec.task, self._planner_rng)
+        result = self._sequence().run(self._spec.task, self._rngs.planner)
         executed = time.monotonic()
         verdict = self._judge(result)
         judged = time.monotonic()
@@ -141,8 +134,8 @@ class _Trial:
     def _perceive(self, tasks: Sequence[PoseTask]) -> tuple[Scene, dict[PoseTask, PoseSet]]:
         layout = self._station.config.layout
         clean = Scene.from_views(self._station.capture(), layout.workspace)
-        scene = clean.with_noise(self._spec.noise_m, self._noise_rng)
-        pose_sets = self._detector.detect(scene, tasks, self._detector_rng)
+        scene = clean.with_noise(self._spec.noise_m, self._rngs.noise)
+        pose_sets = self._detector.detect(scene, tasks, self._rngs.detector)
         self._perceived.append((scene, pose_sets))
         if self._recorder:
             self._recorder.show_perception(scene.p_WPs, pose_sets, self._station.time_s)

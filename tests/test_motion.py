@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from helpers_planning import configuration
 
-from planning.motion import free_motion, timed
+from planning.motion import NoMotion, free_motion, rrt_motion, timed
 from planning.problem import JointTrajectory
-from planning.rrt import rrt_connect, shortcut
+from planning.rrt import shortcut
 from planning.timing import CAREFUL, FREE, SAMPLE_S, Speed, join, rest, time_path
 from planning.trajopt import optimize_path
 from planning.world import EDGE_STEP_RAD, CollisionWorld, Situation
@@ -33,13 +33,14 @@ def walled() -> Situation:
 
 def around_the_wall(seed: int) -> Array | None:
     ends = configuration(LEFT), configuration(RIGHT)
-    return free_motion(world(), *ends, walled(), np.random.default_rng(seed))
+    path = free_motion(world(), *ends, walled(), np.random.default_rng(seed))
+    return None if isinstance(path, NoMotion) else path
 
 
 def test_a_free_straight_motion_is_taken() -> None:
     ends = configuration(LEFT), configuration(RIGHT)
     path = free_motion(world(), *ends, Situation(0.08), np.random.default_rng(0))
-    assert path is not None
+    assert isinstance(path, np.ndarray)
     np.testing.assert_array_equal(path, np.stack(ends))
 
 
@@ -61,13 +62,11 @@ def test_the_same_seed_gives_the_same_path() -> None:
 
 def test_a_goal_in_collision_has_no_path() -> None:
     blocked = configuration((0.5, 0.0, 0.005))
-    path = rrt_connect(
-        configuration(LEFT),
-        blocked,
-        lambda qs: world().path_free(qs, Situation(0.08)),
-        np.random.default_rng(0),
-    )
-    assert path is None
+    ends = configuration(LEFT), blocked
+    for motion in (free_motion, rrt_motion):
+        path = motion(world(), *ends, Situation(0.08), np.random.default_rng(0))
+        assert isinstance(path, NoMotion)
+        assert "RRT-Connect" in path.reason
 
 
 def test_shortcuts_keep_the_ends_and_shorten() -> None:

@@ -1,0 +1,161 @@
+"""Planning problems on disk: many in one small npz, with a format version and a checksum.
+
+Coordinates are kept to 0.1 mm and rotation vectors to 0.1 mrad, as 16-bit integers; joint angles
+exactly.
+"""
+
+import hashlib
+import tempfile
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from planning.layout_json import layout_from_json, layout_to_json
+from planning.perceived import DETAIL_VOXEL_M, voxel_centroids
+from planning.problem import PlanningProblem, Subgoal
+from split_drake.pose_set import PoseSet, PoseTask
+from split_drake.poses import Array, make_pose
+
+FORMAT = 1
+LENGTH_STEP_M = 1e-4
+ANGLE_STEP_RAD = 1e-4
+SCORE_STEP = 1.0 / np.iinfo(np.uint16).max
+_MISSING = -1
+
+Arrays = dict[str, NDArray]
+
+
+def compact(problem: PlanningProblem, max_poses: Mapping[PoseTask, int]) -> PlanningProblem:
+    """Return the problem with its cloud thinned and the best poses of each task.
+
+    The default planner thins clouds to the same voxels, so it loses nothing by it.
+    """
+    sets = {task: poses.head(max_poses[task]) for task, poses in problem.pose_sets.items()}
+    return replace(problem, pose_sets=sets, p_WPs=voxel_centroids(problem.p_WPs, DETAIL_VOXEL_M))
+
+
+def save_problems(path: Path, problems: Mapping[str, PlanningProblem]) -> None:
+    """Write problems by their names, atomically.
+
+    Raises ValueError where a coordinate is beyond the 3.2 m that the format holds.
+    """
+    arrays = _to_arrays(list(problems), list(problems.values()))
+    arrays |= {"format": np.array(FORMAT), "sha256": np.array(_checksum(arrays))}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".npz", delete=False) as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+    Path(file.name).chmod(0o644)
+    Path(file.name).replace(path)
+
+
+def load_problems(path: Path) -> dict[str, PlanningProblem]:
+    """Return {name: problem} as written by `save_problems`, in the same order.
+
+    Raises ValueError where the file is damaged, of another format, or no collection of problems.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except (zipfile.BadZipFile, ValueError, EOFError, OSError) as error:
+        if isinstance(error, FileNotFoundError):
+            raise
+        raise ValueError(f"{path} is no readable collection of problems: {error}") from error
+    found = arrays.pop("format", None)
+    if found is None or found != FORMAT:
+        raise ValueError(f"{path} has format {found}; expected {FORMAT}")
+    checksum = str(arrays.pop("sha256", ""))
+    if checksum != _checksum(arrays):
+        raise ValueError(f"{path} is damaged: its content does not match its SHA-256 {checksum!r}")
+    return _from_arrays(arrays)
+
+
+def _to_arrays(names: Sequence[str], problems: Sequence[PlanningProblem]) -> Arrays:
+    layouts = [layout_to_json(problem.layout) for problem in problems]
+    distinct = list(dict.fromkeys(layouts))
+    clouds = [_quantised(problem.p_WPs, LENGTH_STEP_M) for problem in problems]
+    arrays: Arrays = {
+        "names": np.array(names, dtype=np.str_),
+        "subgoals": np.array([problem.subgoal.value for problem in problems], dtype=np.str_),
+        "layouts": np.array(distinct, dtype=np.str_),
+        "layout_of": np.array([distinct.index(layout) for layout in layouts], dtype=np.int32),
+        "q_starts": np.array([problem.q_start for problem in problems]).reshape(-1, 7),
+        "cloud": np.concatenate([np.empty((0, 3), np.int16), *clouds]),
+        "cloud_counts": np.array([len(cloud) for cloud in clouds], dtype=np.int32),
+    }
+    for task in PoseTask:
+        arrays |= _task_arrays(task, [problem.pose_sets.get(task) for problem in problems])
+    return arrays
+
+
+def _task_arrays(task: PoseTask, pose_sets: Sequence[PoseSet | None]) -> Arrays:
+    """Return the poses of one task as positions and rotation vectors, (M, 6) for all problems."""
+    present = [poses for poses in pose_sets if poses is not None]
+    X_WPs = np.concatenate([np.empty((0, 4, 4)), *(poses.X_WPs for poses in present)])
+    turns = Rotation.from_matrix(X_WPs[:, :3, :3]).as_rotvec() if len(X_WPs) else X_WPs[:, :3, 3]
+    scores = np.concatenate([np.empty(0), *(poses.scores for poses in present)])
+    counts = [_MISSING if poses is None else len(poses) for poses in pose_sets]
+    return {
+        f"{task}/p_WPs": _quantised(X_WPs[:, :3, 3], LENGTH_STEP_M),
+        f"{task}/turns": _quantised(turns, ANGLE_STEP_RAD),
+        f"{task}/scores": np.round(scores / SCORE_STEP).astype(np.uint16),
+        f"{task}/counts": np.array(counts, dtype=np.int32),
+    }
+
+
+def _from_arrays(arrays: Arrays) -> dict[str, PlanningProblem]:
+    layouts = [layout_from_json(str(text)) for text in arrays["layouts"]]
+    clouds = _split(arrays["cloud"] * LENGTH_STEP_M, arrays["cloud_counts"])
+    sets = {task: _pose_sets(task, arrays) for task in PoseTask}
+    problems = {}
+    for index, name in enumerate(arrays["names"]):
+        found = {task: poses for task in PoseTask if (poses := sets[task][index]) is not None}
+        problems[str(name)] = PlanningProblem(
+            subgoal=Subgoal(str(arrays["subgoals"][index])),
+            pose_sets=found,
+            p_WPs=clouds[index],
+            q_start=arrays["q_starts"][index],
+            layout=layouts[arrays["layout_of"][index]],
+        )
+    return problems
+
+
+def _pose_sets(task: PoseTask, arrays: Arrays) -> list[PoseSet | None]:
+    turns = arrays[f"{task}/turns"] * ANGLE_STEP_RAD
+    R_WPs = Rotation.from_rotvec(turns).as_matrix() if len(turns) else np.empty((0, 3, 3))
+    X_WPs = make_pose(R_WPs, arrays[f"{task}/p_WPs"] * LENGTH_STEP_M)
+    scores = np.minimum(arrays[f"{task}/scores"] * SCORE_STEP, 1.0)
+    counts = arrays[f"{task}/counts"]
+    pieces = zip(counts, _split(X_WPs, counts), _split(scores, counts), strict=True)
+    return [None if n == _MISSING else PoseSet(task, X, score) for n, X, score in pieces]
+
+
+def _split(rows: Array, counts: NDArray) -> list[Array]:
+    """Return the rows (M, ...) of each problem; `counts` (N,) may be `_MISSING`."""
+    ends = np.cumsum(np.maximum(counts, 0))
+    return np.split(rows, ends[:-1]) if len(counts) else []
+
+
+def _quantised(values: Array, step: float) -> NDArray[np.int16]:
+    steps = np.round(np.asarray(values, dtype=float) / step)
+    limits = np.iinfo(np.int16)
+    if len(steps) and not (limits.min <= steps.min() and steps.max() <= limits.max):
+        raise ValueError(
+            f"a value of {np.abs(values).max():.3g} cannot be kept in steps of {step}; expected at "
+            f"most {limits.max * step:.3g}"
+        )
+    return steps.astype(np.int16)
+
+
+def _checksum(arrays: Arrays) -> str:
+    """Return the SHA-256 over names, types, shapes and bytes of all arrays."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        digest.update(f"{name} {array.dtype.str} {array.shape} ".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,150 @@
+"""Record planning problems from trials' starts: `python -m scenarios.record_problems --count 500`.
+
+Each start is drawn and perceived as in a trial of `scenarios.mug_hang` with the same seed; what its
+planner would be asked for is kept, and nothing is planned or executed.  Tasks and detectors take
+turns.  `scenarios.planner_bench` runs planners on the file.
+"""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Literal
+
+import tyro
+from rich.console import Console
+from rich.progress import track
+
+from planning.problem import PlanningProblem, Subgoal
+from planning.problem_files import compact, save_problems
+from scenarios.pool import WorkerPool
+from scenarios.trial_setup import TrialGenerators, make_detector, set_up
+from scenarios.trial_spec import TrialSpec
+from split_drake.panda import MODELS_FOLDER
+from split_drake.pose_set import PoseTask
+from split_drake.scene import EmptySceneError, Scene
+from split_drake.starts import NoStartError
+
+SHIPPED_PROBLEMS = MODELS_FOLDER / "problems" / "mugs.npz"
+# Poses kept of each pose set, best first.
+MAX_POSES = {PoseTask.GRASP: 128, PoseTask.HANDLE: 32, PoseTask.UPRIGHT: 32}
+
+
+@dataclass(frozen=True)
+class RecordOptions:
+    """Options of a recording.
+
+    Attributes:
+        count: of problems.
+        seed: of the first trials; every task and detector in turn gets the same seeds.
+        tasks: subgoals that problems are recorded for.
+        detectors: that pose sets come from.
+        mugs: shapes that the model was tested on, or those it was trained on.
+        noise_m: standard deviation of the noise on the sampled points.
+        checkpoint: weights of SPLIT; those that ship with the project where not given.
+        workers: processes; the file does not depend on them.
+        out: the file.
+    """
+
+    count: int = 500
+    seed: int = 0
+    tasks: tuple[Literal["hang", "reorient"], ...] = ("hang", "reorient")
+    detectors: tuple[Literal["split", "oracle"], ...] = ("split", "oracle")
+    mugs: Literal["test", "train"] = "test"
+    noise_m: float = 0.005
+    checkpoint: Path | None = None
+    workers: int = len(os.sched_getaffinity(0))
+    out: Path = Path("runs/problems/mugs.npz")
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise ValueError(f"--count is {self.count}; expected at least 1")
+        if not self.tasks or not self.detectors:
+            raise ValueError("--tasks and --detectors must each name at least one")
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What became of one start: a problem, or why there is none.
+
+    Attributes:
+        index: of the start.
+        name: of the problem.
+        problem: compact; None where there is none.
+        reason: why; empty where there is one.
+    """
+
+    index: int
+    name: str
+    problem: PlanningProblem | None
+    reason: str = ""
+
+
+def specs_of(options: RecordOptions) -> list[TrialSpec]:
+    """Return the trials whose starts are recorded."""
+    kinds = list(product(options.detectors, options.tasks))
+    specs = []
+    for index in range(options.count):
+        detector, task = kinds[index % len(kinds)]
+        specs.append(
+            TrialSpec(
+                index=index,
+                seed=options.seed + index // len(kinds),
+                mugs=options.mugs,
+                task=Subgoal(task),
+                detector=detector,
+                planner="default",
+                checkpoint=options.checkpoint,
+                noise_m=options.noise_m,
+                record="none",
+                folder=options.out.parent,
+            )
+        )
+    return specs
+
+
+def record_problem(spec: TrialSpec) -> Recorded:
+    """Return the problem that a trial's planner is asked first."""
+    name = f"{spec.task}-{spec.detector}-{spec.mugs}-{spec.seed}"
+    rngs = TrialGenerators.of(spec.seed)
+    try:
+        setup = set_up(spec, rngs.start)
+        layout = setup.station.config.layout
+        clean = Scene.from_views(setup.station.capture(), layout.workspace)
+    except (NoStartError, EmptySceneError) as error:
+        return Recorded(spec.index, name, None, str(error))
+    scene = clean.with_noise(spec.noise_m, rngs.noise)
+    tasks = tuple(dict.fromkeys((*spec.task.tasks, PoseTask.UPRIGHT)))
+    pose_sets = make_detector(spec, setup).detect(scene, tasks, rngs.detector)
+    problem = PlanningProblem(spec.task, pose_sets, scene.p_WPs, setup.station.q, layout)
+    return Recorded(spec.index, name, compact(problem, MAX_POSES))
+
+
+def _crashed(spec: TrialSpec) -> Recorded:
+    return Recorded(spec.index, f"seed {spec.seed}", None, "the worker process died")
+
+
+def record(specs: Sequence[TrialSpec], workers: int, console: Console) -> list[Recorded]:
+    """Return what became of all starts, in their order."""
+    pool = WorkerPool(record_problem, _crashed, min(workers, len(specs)))
+    found = track(pool.run(specs), "recording", total=len(specs), console=console)
+    return sorted(found, key=lambda recorded: recorded.index)
+
+
+def main(options: RecordOptions) -> Path:
+    """Record the problems, and return their file."""
+    console = Console()
+    found = record(specs_of(options), options.workers, console)
+    for recorded in found:
+        if recorded.problem is None:
+            console.print(f"{recorded.name}: left out: {recorded.reason}")
+    problems = {r.name: r.problem for r in found if r.problem is not None}
+    save_problems(options.out, problems)
+    megabytes = options.out.stat().st_size / 1e6
+    console.print(f"{len(problems)} problems, {megabytes:.2f} MB: {options.out}")
+    return options.out
+
+
+if __name__ == "__main__":
+    main(tyro.cli(RecordOptions, description=__doc__))
