@@ -144,8 +144,8 @@ def load_regions(path: Path = SHIPPED_REGIONS) -> Regions:
     Raises ValueError where the file is of another format.
     """
     with np.load(path, allow_pickle=False) as archive:
-        if "format" not in archive or archive["format"] != FORMAT:
-            found = archive["format"] if "format" in archive else None
+        found = archive.get("format")
+        if found != FORMAT:
             raise ValueError(f"{path} has format {found}; expected {FORMAT}")
         ends = np.cumsum(archive["faces"])[:-1]
         pieces = zip(np.split(archive["A"], ends), np.split(archive["b"], ends), strict=True)

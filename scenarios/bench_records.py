@@ -1,0 +1,147 @@
+"""What becomes of one problem with one planner, and the planning and checking that finds out."""
+
+import json
+import time
+import traceback
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from planning.layout_json import layout_from_json, layout_to_json
+from planning.perceived import voxel_centroids
+from planning.plan_measures import PlanMeasures, PlanMeter
+from planning.planner import Planner, make_planner
+from planning.problem import Plan, PlanFailure, PlanningProblem
+from planning.problem_files import load_problems
+from planning.trajectory_check import TrajectoryChecker
+from scenarios.json_lines import read_json_lines
+
+SOLVED = "solved"
+# A plan that the independent checker refuses; a planner that raised.
+REFUSED = "refused by the checker"
+ERROR = "error"
+# Plans are checked against the perceived cloud, thinned to voxels of this edge.
+CHECK_VOXEL_M = 0.010
+
+
+@dataclass(frozen=True)
+class BenchRecord:
+    """What became of one problem with one planner.
+
+    Attributes:
+        problem: its name.
+        planner: its name.
+        outcome: "solved", the stage that failed, "refused by the checker", or "error".
+        reason: why, in words; empty where solved.
+        planning_s: wall time of the planner.
+        planning_cpu_s: processor time of the planner, which other programs hardly change.
+        measures: of the plan; None where there is none.
+        search: the planner's own counts.
+    """
+
+    problem: str
+    planner: str
+    outcome: str
+    reason: str
+    planning_s: float
+    planning_cpu_s: float
+    measures: PlanMeasures | None = None
+    search: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def solved(self) -> bool:
+        return self.outcome == SOLVED
+
+    def to_json(self) -> str:
+        """Return one line of JSON without a line break."""
+        return json.dumps(asdict(self), separators=(",", ":"))
+
+    @classmethod
+    def from_fields(cls, fields: Mapping[str, Any]) -> Self:
+        measures = fields["measures"]
+        return cls(**{**fields, "measures": measures and PlanMeasures(**measures)})
+
+
+def read_bench_records(path: Path) -> list[BenchRecord]:
+    """Return the records of a results.jsonl; [] where there is no file."""
+    return [BenchRecord.from_fields(fields) for fields in read_json_lines(path)]
+
+
+@dataclass(frozen=True)
+class BenchTask:
+    """One problem of a file, and the planners to run on it.
+
+    Attributes:
+        file: of the problems.
+        problem: name of the problem.
+        planners: names, run one after the other.
+        seed: of every planner.
+    """
+
+    file: Path
+    problem: str
+    planners: tuple[str, ...]
+    seed: int
+
+
+def run_task(task: BenchTask) -> list[BenchRecord]:
+    """Return a record for each of the task's planners."""
+    problem = _problems(task.file)[task.problem]
+    return [
+        run_planner(_planner(name), name, problem, task.problem, task.seed)
+        for name in task.planners
+    ]
+
+
+def crashed_task(task: BenchTask) -> list[BenchRecord]:
+    """Return the records of a task whose process died."""
+    reason = "the worker process died"
+    return [BenchRecord(task.problem, name, ERROR, reason, 0.0, 0.0) for name in task.planners]
+
+
+def run_planner(
+    planner: Planner, planner_name: str, problem: PlanningProblem, problem_name: str, seed: int
+) -> BenchRecord:
+    """Plan, check the plan independently, and measure it."""
+    started, started_cpu = time.perf_counter(), time.process_time()
+    try:
+        outcome: Plan | PlanFailure | str = planner.plan(problem, np.random.default_rng(seed))
+    except Exception:
+        outcome = traceback.format_exc()
+    seconds = (time.perf_counter() - started, time.process_time() - started_cpu)
+    if isinstance(outcome, str):
+        return BenchRecord(problem_name, planner_name, ERROR, outcome, *seconds)
+    search = dict(outcome.statistics)
+    if isinstance(outcome, PlanFailure):
+        verdict = (outcome.stage.value, outcome.reason)
+        return BenchRecord(problem_name, planner_name, *verdict, *seconds, search=search)
+    checker, meter = _judges(layout_to_json(problem.layout))
+    points = voxel_centroids(problem.p_WPs, CHECK_VOXEL_M)
+    violations = checker.violations(outcome, points)
+    verdict = (SOLVED, "")
+    if violations:
+        verdict = (REFUSED, f"{violations[0].name}: {violations[0].what}")
+    measures = meter.measure(outcome, points)
+    return BenchRecord(problem_name, planner_name, *verdict, *seconds, measures, search)
+
+
+@lru_cache(maxsize=1)
+def _problems(file: Path) -> dict[str, PlanningProblem]:
+    return load_problems(file)
+
+
+@cache
+def _planner(name: str) -> Planner:
+    """Return this process's planner of that name; it keeps its collision world."""
+    return make_planner(name)
+
+
+@lru_cache(maxsize=1)
+def _judges(layout_json: str) -> tuple[TrajectoryChecker, PlanMeter]:
+    """Return what checks and what measures plans for a layout, given as JSON."""
+    layout = layout_from_json(layout_json)
+    return TrajectoryChecker(layout), PlanMeter(layout)

@@ -1,0 +1,132 @@
+"""Figures of planners on the same problems: each alone, and in pairs."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import binomtest, wilcoxon
+
+from scenarios.bench_records import BenchRecord
+from scenarios.records import Rate
+
+
+@dataclass(frozen=True)
+class PlannerSummary:
+    """One planner's figures.
+
+    Attributes:
+        solved: problems with a plan that the independent checker accepts.
+        median_s, p95_s: wall time of planning over all problems, solved or not.
+        median_cpu_s: processor time.
+        medians: {measure: median over the solved problems}; empty where none is solved.
+        failures: {outcome: count}, most frequent first.
+    """
+
+    solved: Rate
+    median_s: float
+    p95_s: float
+    median_cpu_s: float
+    medians: Mapping[str, float]
+    failures: Mapping[str, int]
+
+    @classmethod
+    def of(cls, records: Sequence[BenchRecord]) -> "PlannerSummary":
+        """Return the figures of one planner's records, of which there is at least one."""
+        times = [record.planning_s for record in records]
+        plans = [vars(r.measures) for r in records if r.solved and r.measures is not None]
+        failures = Counter(record.outcome for record in records if not record.solved)
+        return cls(
+            solved=Rate(sum(record.solved for record in records), len(records)),
+            median_s=float(np.median(times)),
+            p95_s=float(np.percentile(times, 95.0)),
+            median_cpu_s=float(np.median([record.planning_cpu_s for record in records])),
+            medians={name: float(np.median([p[name] for p in plans])) for name in plans[0]}
+            if plans
+            else {},
+            failures=dict(failures.most_common()),
+        )
+
+
+@dataclass(frozen=True)
+class PairedDifference:
+    """How a figure of one planner differs from another's on the same problems.
+
+    Attributes:
+        problems: how many have the figure from both.
+        median: of the differences, one planner's minus the other's; NaN without problems.
+        p: of Wilcoxon's signed-rank test that they are symmetric about 0; 1 where none differs.
+    """
+
+    problems: int
+    median: float
+    p: float
+
+    @classmethod
+    def of(cls, ones: Sequence[float], others: Sequence[float]) -> "PairedDifference":
+        differences = np.subtract(ones, others)
+        if not len(differences):
+            return cls(0, float("nan"), 1.0)
+        p = float(wilcoxon(differences).pvalue) if differences.any() else 1.0
+        return cls(len(differences), float(np.median(differences)), p)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two planners on the problems that both were given.
+
+    Attributes:
+        one, other: their names.
+        only_one, only_other: problems that only one of them solved.
+        mcnemar_p: of McNemar's exact test that both solve the same share.
+        cpu_s: difference of processor times, on all shared problems.
+        path_length_rad: difference of path lengths, on problems that both solved.
+    """
+
+    one: str
+    other: str
+    only_one: int
+    only_other: int
+    mcnemar_p: float
+    cpu_s: PairedDifference
+    path_length_rad: PairedDifference
+
+
+def mcnemar_exact(only_one: int, only_other: int) -> float:
+    """Return the two-sided p of McNemar's exact test; 1 without discordant pairs."""
+    discordant = only_one + only_other
+    return float(binomtest(only_one, discordant).pvalue) if discordant else 1.0
+
+
+def compare(records: Sequence[BenchRecord], one: str, other: str) -> Comparison:
+    """Return how two planners compare on the problems that both were given."""
+    found = by_planner(records)
+    ones = {record.problem: record for record in found.get(one, ())}
+    others = {record.problem: record for record in found.get(other, ())}
+    pairs = [(ones[name], others[name]) for name in ones if name in others]
+    only_one = sum(a.solved and not b.solved for a, b in pairs)
+    only_other = sum(b.solved and not a.solved for a, b in pairs)
+    lengths = [
+        (a.measures.path_length_rad, b.measures.path_length_rad)
+        for a, b in pairs
+        if a.solved and b.solved and a.measures is not None and b.measures is not None
+    ]
+    return Comparison(
+        one=one,
+        other=other,
+        only_one=only_one,
+        only_other=only_other,
+        mcnemar_p=mcnemar_exact(only_one, only_other),
+        cpu_s=PairedDifference.of(
+            [a.planning_cpu_s for a, _ in pairs], [b.planning_cpu_s for _, b in pairs]
+        ),
+        path_length_rad=PairedDifference.of([a for a, _ in lengths], [b for _, b in lengths]),
+    )
+
+
+def by_planner(records: Sequence[BenchRecord]) -> dict[str, list[BenchRecord]]:
+    """Return {planner: its records}, in order of first appearance."""
+    found: dict[str, list[BenchRecord]] = {}
+    for record in records:
+        found.setdefault(record.planner, []).append(record)
+    return found

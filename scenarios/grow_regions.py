@@ -1,0 +1,82 @@
+"""Grow the regions of the planner `gcs`: `python -m scenarios.grow_regions`.
+
+The default planner solves saved problems; where its transits and transfers start, turn and end are
+the configurations that regions should hold.  Home comes first.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.progress import track
+
+from planning.plan_measures import FREE_SEGMENTS
+from planning.planner import make_planner
+from planning.problem import Plan
+from planning.problem_files import load_problems
+from planning.regions import SHIPPED_REGIONS, grow_regions, save_regions
+from planning.world import CollisionWorld, Situation, same_fixtures
+from scenarios.record_problems import SHIPPED_PROBLEMS
+from split_drake.gripper import MAX_OPENING_M
+from split_drake.panda import Q_HOME
+from split_drake.poses import Array
+
+
+@dataclass(frozen=True)
+class GrowOptions:
+    """Options of growing.
+
+    Attributes:
+        problems: file of `scenarios.record_problems`, all of one station.
+        plans: how many of its problems to plan.
+        max_regions: how many regions to grow at most.
+        seed: of planner and sampling.
+        out: the regions' file.
+    """
+
+    problems: Path = SHIPPED_PROBLEMS
+    plans: int = 60
+    max_regions: int = 40
+    seed: int = 0
+    out: Path = SHIPPED_REGIONS
+
+    def __post_init__(self) -> None:
+        for name in ("plans", "max_regions"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"--{name} is {getattr(self, name)}; expected at least 1")
+
+
+def turning_points(plan: Plan) -> Array:
+    """Return (N, 7) where the free motions of a plan start, are half way, and end."""
+    trajectories = [s.trajectory.qs for s in plan.segments if s.name in FREE_SEGMENTS]
+    return np.concatenate([qs[[0, len(qs) // 2, -1]] for qs in trajectories])
+
+
+def main(options: GrowOptions) -> Path:
+    """Grow the regions and return their file."""
+    console = Console()
+    problems = list(load_problems(options.problems).values())[: options.plans]
+    layout, planner = problems[0].layout, make_planner("default")
+    if not all(same_fixtures(problem.layout, layout) for problem in problems):
+        raise ValueError(f"{options.problems} holds several stations; expected one")
+    found = [Q_HOME[None]]
+    for problem in track(problems, "planning", console=console):
+        plan = planner.plan(problem, np.random.default_rng(options.seed))
+        if isinstance(plan, Plan):
+            found.append(turning_points(plan))
+    world, qs = CollisionWorld(layout), np.concatenate(found)
+    qs = qs[world.free(qs, Situation(MAX_OPENING_M))]
+    regions = grow_regions(world, qs, options.max_regions, options.seed)
+    save_regions(options.out, regions)
+    covered = regions.covers(qs).mean()
+    console.print(
+        f"{len(regions)} regions, {len(regions.edges) // 2} pairs of them intersect; they hold "
+        f"{covered:.0%} of {len(qs)} configurations of plans: {options.out}"
+    )
+    return options.out
+
+
+if __name__ == "__main__":
+    main(tyro.cli(GrowOptions, description=__doc__))

@@ -1,0 +1,132 @@
+"""Run planners on saved problems: `python -m scenarios.planner_bench --planner default rrt gcs`.
+
+Nothing is simulated.  Every plan is checked by `planning.trajectory_check`, which shares no code
+with the planners' own checks; a plan that it refuses does not count as solved.  The output folder
+holds config.json, results.jsonl (a line for each problem and planner as it arises) and
+summary.json.  The same --out goes on where an interrupted run stopped.
+"""
+
+import os
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import tyro
+from rich.console import Console
+from rich.progress import track
+
+from planning.planner import planner_names
+from planning.problem_files import load_problems
+from scenarios.bench_records import (
+    BenchRecord,
+    BenchTask,
+    crashed_task,
+    read_bench_records,
+    run_task,
+)
+from scenarios.bench_report import print_bench, write_bench_summary
+from scenarios.files import write_atomically
+from scenarios.pool import WorkerPool
+from scenarios.provenance import file_sha256, git_commit, package_versions
+from scenarios.record_problems import SHIPPED_PROBLEMS
+from scenarios.run_config import open_folder
+
+
+@dataclass(frozen=True)
+class BenchOptions:
+    """Options of a bench.
+
+    Attributes:
+        planner: names of planners, run on each problem one after the other.
+        problems: file of `scenarios.record_problems`; those that ship with the project by default.
+        limit: use only the first so many problems of the file.
+        seed: of every planner on every problem.
+        workers: processes; more than one disturbs the times.
+        out: folder of the results; runs/planner_bench/<time> where not given.
+    """
+
+    planner: tuple[str, ...] = ("default",)
+    problems: Path = SHIPPED_PROBLEMS
+    limit: int | None = None
+    seed: int = 0
+    workers: int = 1
+    out: Path | None = None
+
+    def __post_init__(self) -> None:
+        known = planner_names()
+        unknown = [name for name in self.planner if name not in known]
+        if unknown or not self.planner:
+            raise ValueError(f"--planner is {list(self.planner)}; expected some of {list(known)}")
+        if len(set(self.planner)) < len(self.planner):
+            raise ValueError(f"--planner names one twice: {list(self.planner)}")
+        if self.limit is not None and self.limit < 1:
+            raise ValueError(f"--limit is {self.limit}; expected at least 1")
+        if self.workers < 1:
+            raise ValueError(f"--workers is {self.workers}; expected at least 1")
+
+
+# What may differ when a bench goes on: it changes no plan.
+_FREE_KEYS = ("planner", "limit", "workers", "out", "problems")
+
+
+def bench_config(options: BenchOptions) -> dict[str, Any]:
+    """Return the content of config.json."""
+    config = {key: str(v) if isinstance(v, Path) else v for key, v in asdict(options).items()}
+    return {
+        **config,
+        "planner": list(options.planner),
+        "problems_sha256": file_sha256(options.problems),
+        "cpus": len(os.sched_getaffinity(0)),
+        "commit": git_commit(),
+        "versions": package_versions(),
+    }
+
+
+def missing_tasks(options: BenchOptions, records: list[BenchRecord]) -> list[BenchTask]:
+    """Return the problems that some planner has not been run on yet, with those planners."""
+    done = {(record.problem, record.planner) for record in records}
+    tasks = []
+    for name in list(load_problems(options.problems))[: options.limit]:
+        planners = tuple(p for p in options.planner if (name, p) not in done)
+        if planners:
+            tasks.append(BenchTask(options.problems, name, planners, options.seed))
+    return tasks
+
+
+def run_missing(
+    tasks: list[BenchTask], records: list[BenchRecord], log: Path, workers: int, console: Console
+) -> None:
+    """Run the tasks, appending each record to the list and to the log as it arises."""
+    pool = WorkerPool(run_task, crashed_task, min(workers, len(tasks)))
+    with log.open("a") as file:
+        for found in track(pool.run(tasks), "planning", total=len(tasks), console=console):
+            file.writelines(record.to_json() + "\n" for record in found)
+            file.flush()
+            records.extend(found)
+
+
+def main(options: BenchOptions) -> Path:
+    """Run what is missing of the bench, report, and return the folder."""
+    console = Console()
+    folder = options.out or Path("runs/planner_bench") / datetime.now().strftime("%Y%m%d-%H%M%S")
+    config = bench_config(options)
+    open_folder(folder, config, _FREE_KEYS)
+    log = folder / "results.jsonl"
+    records = read_bench_records(log)
+    # A kill may have cut off the last line; what is appended must start on one of its own.
+    write_atomically(log, "".join(record.to_json() + "\n" for record in records))
+    tasks = missing_tasks(options, records)
+    try:
+        if tasks:
+            run_missing(tasks, records, log, options.workers, console)
+    except KeyboardInterrupt:
+        console.print(f"interrupted; --out {folder} goes on from here")
+    write_bench_summary(folder / "summary.json", records, config)
+    print_bench(console, records)
+    console.print(f"results: {folder}")
+    return folder
+
+
+if __name__ == "__main__":
+    main(tyro.cli(BenchOptions, description=__doc__))
