@@ -79,6 +79,7 @@ class GcsMotion:
         pairs = np.array(edges, dtype=int).reshape(-1, 2)
         lengths = np.linalg.norm(self._centers[pairs[:, 0]] - self._centers[pairs[:, 1]], axis=1)
         count = len(self._centers)
+        # An entry of 0 would be no edge at all.
         return coo_array((lengths + 1e-6, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
 
     def _chain(self, q_start: Array, q_goal: Array) -> list[int]:

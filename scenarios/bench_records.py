@@ -1,6 +1,7 @@
 """What becomes of one problem with one planner, and the planning and checking that finds out."""
 
 import json
+import logging
 import time
 import traceback
 from collections.abc import Mapping
@@ -18,14 +19,14 @@ from planning.planner import Planner, make_planner
 from planning.problem import Plan, PlanFailure, PlanningProblem
 from planning.problem_files import load_problems
 from planning.trajectory_check import TrajectoryChecker
-from scenarios.json_lines import read_json_lines
+from scenarios.resume import read_json_lines
 
 SOLVED = "solved"
 # A plan that the independent checker refuses; a planner that raised.
 REFUSED = "refused by the checker"
 ERROR = "error"
 # Plans are checked against the perceived cloud, thinned to voxels of this edge.
-CHECK_VOXEL_M = 0.010
+CHECK_VOXEL_M = 0.012
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,7 @@ class BenchTask:
 
 def run_task(task: BenchTask) -> list[BenchRecord]:
     """Return a record for each of the task's planners."""
+    logging.getLogger("drake").setLevel(logging.WARNING)
     problem = _problems(task.file)[task.problem]
     return [
         run_planner(_planner(name), name, problem, task.problem, task.seed)

@@ -13,11 +13,11 @@ from scenarios.bench_records import BenchRecord
 from scenarios.bench_statistics import Comparison, PlannerSummary, by_planner, compare
 from scenarios.files import write_json
 
-# Columns of the medians over solved problems: measure, heading, factor to its unit, digits.
+# Medians over solved problems: measure, heading, factor to its unit, digits.
 _MEASURES = (
-    ("path_length_rad", "path, rad", 1.0, 2),
+    ("path_length_rad", "path length, rad", 1.0, 2),
     ("duration_s", "motion, s", 1.0, 1),
-    ("rms_jerk_rad_s3", "rms jerk, rad/s\u00b3", 1.0, 1),
+    ("rms_jerk_rad_s3", "rms jerk, rad/s^3", 1.0, 1),
     ("clearance_m", "clearance, mm", 1e3, 1),
 )
 
@@ -51,30 +51,39 @@ def write_bench_summary(
 
 
 def _planner_table(summaries: Mapping[str, PlannerSummary]) -> Table:
-    table = Table(title="medians over solved problems; times over all", title_justify="left")
-    headings = [heading for _, heading, _, _ in _MEASURES]
-    for heading in ("planner", "solved [Wilson 95%]", "plan, s", "p95, s", "CPU, s", *headings):
-        table.add_column(heading)
-    for name, summary in summaries.items():
-        times = (summary.median_s, summary.p95_s, summary.median_cpu_s)
-        measures = [
-            f"{factor * summary.medians[key]:.{digits}f}" if summary.medians else "-"
-            for key, _, factor, digits in _MEASURES
-        ]
-        table.add_row(name, str(summary.solved), *(f"{t:.2f}" for t in times), *measures)
+    """Return a table with a column for each planner."""
+    table = Table("", *summaries, title="times over all problems, the rest over solved ones")
+    columns = [_planner_column(summary) for summary in summaries.values()]
+    for heading in columns[0] if columns else ():
+        table.add_row(heading, *(column[heading] for column in columns))
     return table
 
 
+def _planner_column(summary: PlannerSummary) -> dict[str, str]:
+    """Return {heading: text}."""
+    share, interval = str(summary.solved).split("  ")
+    cells = {
+        "solved": share,
+        "Wilson 95%": interval,
+        "planning, median s": f"{summary.median_s:.2f}",
+        "planning, p95 s": f"{summary.p95_s:.2f}",
+        "planning, median CPU s": f"{summary.median_cpu_s:.2f}",
+    }
+    for key, heading, factor, digits in _MEASURES:
+        known = key in summary.medians
+        cells[heading] = f"{factor * summary.medians[key]:.{digits}f}" if known else "-"
+    return cells
+
+
 def _pair_table(pairs: Sequence[Comparison]) -> Table:
-    table = Table(title="pairs: first minus second, on the same problems", title_justify="left")
-    for heading in ("pair", "solved by one alone", "McNemar p", "CPU, s", "path, rad"):
-        table.add_column(heading)
+    headings = ("first - second", "solved alone", "McNemar p", "CPU s (p)", "path rad (p)")
+    table = Table(*headings, title="pairs on the same problems; p of times, lengths: Wilcoxon")
     for pair in pairs:
         table.add_row(
             f"{pair.one} - {pair.other}",
             f"{pair.only_one} - {pair.only_other}",
             f"{pair.mcnemar_p:.2g}",
-            f"{pair.cpu_s.median:+.2f} (Wilcoxon p {pair.cpu_s.p:.2g})",
-            f"{pair.path_length_rad.median:+.2f} (Wilcoxon p {pair.path_length_rad.p:.2g})",
+            f"{pair.cpu_s.median:+.2f} ({pair.cpu_s.p:.2g})",
+            f"{pair.path_length_rad.median:+.2f} ({pair.path_length_rad.p:.2g})",
         )
     return table

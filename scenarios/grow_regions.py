@@ -4,6 +4,7 @@ The default planner solves saved problems; where its transits and transfers star
 the configurations that regions should hold.  Home comes first.
 """
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,6 +57,7 @@ def turning_points(plan: Plan) -> Array:
 
 def main(options: GrowOptions) -> Path:
     """Grow the regions and return their file."""
+    logging.getLogger("drake").setLevel(logging.WARNING)
     console = Console()
     problems = list(load_problems(options.problems).values())[: options.plans]
     layout, planner = problems[0].layout, make_planner("default")

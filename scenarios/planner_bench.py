@@ -30,7 +30,7 @@ from scenarios.files import write_atomically
 from scenarios.pool import WorkerPool
 from scenarios.provenance import file_sha256, git_commit, package_versions
 from scenarios.record_problems import SHIPPED_PROBLEMS
-from scenarios.run_config import open_folder
+from scenarios.resume import claim_folder
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def main(options: BenchOptions) -> Path:
     console = Console()
     folder = options.out or Path("runs/planner_bench") / datetime.now().strftime("%Y%m%d-%H%M%S")
     config = bench_config(options)
-    open_folder(folder, config, _FREE_KEYS)
+    claim_folder(folder, config, _FREE_KEYS)
     log = folder / "results.jsonl"
     records = read_bench_records(log)
     # A kill may have cut off the last line; what is appended must start on one of its own.

@@ -18,6 +18,7 @@ from rich.progress import track
 
 from planning.problem import PlanningProblem, Subgoal
 from planning.problem_files import compact, save_problems
+from scenarios.mug_source import MugSource
 from scenarios.pool import WorkerPool
 from scenarios.trial_setup import TrialGenerators, make_detector, set_up
 from scenarios.trial_spec import TrialSpec
@@ -91,7 +92,7 @@ def specs_of(options: RecordOptions) -> list[TrialSpec]:
             TrialSpec(
                 index=index,
                 seed=options.seed + index // len(kinds),
-                mugs=options.mugs,
+                mugs=MugSource(options.mugs),
                 task=Subgoal(task),
                 detector=detector,
                 planner="default",
@@ -106,7 +107,7 @@ def specs_of(options: RecordOptions) -> list[TrialSpec]:
 
 def record_problem(spec: TrialSpec) -> Recorded:
     """Return the problem that a trial's planner is asked first."""
-    name = f"{spec.task}-{spec.detector}-{spec.mugs}-{spec.seed}"
+    name = f"{spec.task}-{spec.detector}-{spec.mugs.where}-{spec.seed}"
     rngs = TrialGenerators.of(spec.seed)
     try:
         setup = set_up(spec, rngs.start)

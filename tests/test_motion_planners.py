@@ -1,4 +1,4 @@
-"""Planners that differ in their motions: each solves an easy problem, and `gcs` its own hard ones."""
+"""Planners that differ in their motions alone: each solves easy problems; what GCS refuses."""
 
 from dataclasses import replace
 from functools import cache
@@ -12,6 +12,7 @@ from pydrake.common import RandomGenerator
 from pydrake.geometry.optimization import HPolyhedron
 
 from planning.gcs import GcsMotion
+from planning.kinematics import gripper_pose
 from planning.motion import NoMotion
 from planning.perceived import voxel_centroids
 from planning.planner import make_planner, planner_names
@@ -67,11 +68,9 @@ def test_a_gcs_path_through_the_object_is_refused() -> None:
     ends = configuration(LEFT), configuration(RIGHT)
     path = gcs().path(*ends)
     assert isinstance(path, np.ndarray)
-    x, z = np.meshgrid(np.arange(0.3, 0.7, 0.02), np.arange(0.0, 0.6, 0.02))
-    wall = Situation(0.08, p_WStanding=np.column_stack([x.ravel(), np.zeros(x.size), z.ravel()]))
     assert world().path_free(path, Situation(0.08))
-    assert not world().path_free(path, wall)
-    refused = gcs()(world(), *ends, wall, np.random.default_rng(0))
+    in_the_way = Situation(0.08, p_WStanding=gripper_pose(path[len(path) // 2])[None, :3, 3])
+    refused = gcs()(world(), *ends, in_the_way, np.random.default_rng(0))
     assert refused == NoMotion("the GCS path collides")
 
 

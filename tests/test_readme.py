@@ -12,8 +12,17 @@ from split_drake.poses import make_pose
 README = Path(__file__).parents[1] / "README.md"
 
 
+def examples() -> list[str]:
+    """Return the README's blocks of Python, in their order."""
+    return re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
+
+
+def test_the_planner_is_the_one_that_is_tested() -> None:
+    assert examples()[1] == (Path(__file__).parent / "example_planner.py").read_text()
+
+
 def test_the_example_finds_grasps() -> None:
-    (example,) = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
+    example = examples()[0]
     camera = Layout().cameras[1]
     renderer = DepthRenderer(load_mug("test_004").body.mesh)
     view = renderer.render(make_pose(p=(0.5, 0.0, 0.0)), camera)

@@ -1,0 +1,156 @@
+"""The planner bench: small problems from file to table, and its statistics on made-up ones."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers_planning import LYING, UPRIGHT, mug_problem
+from rich.console import Console
+
+from planning.plan_measures import PlanMeasures, PlanMeter, rms_jerk
+from planning.planner import make_planner
+from planning.problem import JointTrajectory, Plan, PlanFailure, PlanningProblem, Subgoal
+from planning.problem_files import save_problems
+from planning.timing import rest
+from scenarios.bench_records import ERROR, REFUSED, BenchRecord, read_bench_records, run_planner
+from scenarios.bench_report import print_bench
+from scenarios.bench_statistics import PairedDifference, PlannerSummary, compare, mcnemar_exact
+from scenarios.planner_bench import BenchOptions, main
+from split_drake.layout import Layout
+from split_drake.panda import Q_HOME
+from split_drake.poses import make_pose
+
+
+def made_up(problem: int, planner: str, solved: bool, cpu_s: float = 1.0) -> BenchRecord:
+    measures = PlanMeasures(10.0, 5.0 + cpu_s, 30.0, 0.01) if solved else None
+    outcome = "solved" if solved else "planning"
+    return BenchRecord(f"p{problem}", planner, outcome, "", 2.0 * cpu_s, cpu_s, measures)
+
+
+class Fixed:
+    """A planner with one answer."""
+
+    def __init__(self, answer: Plan | PlanFailure | Exception) -> None:
+        self._answer = answer
+
+    def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
+        if isinstance(self._answer, Exception):
+            raise self._answer
+        return self._answer
+
+
+def test_three_problems_from_file_to_table_and_on(tmp_path: Path) -> None:
+    far = make_pose(p=(1.4, 0.0, 0.0))
+    problems = {
+        "hang": mug_problem(Subgoal.HANG, UPRIGHT),
+        "reorient": mug_problem(Subgoal.REORIENT, LYING),
+        "far": mug_problem(Subgoal.HANG, far),
+    }
+    file, out = tmp_path / "problems.npz", tmp_path / "run"
+    save_problems(file, problems)
+    main(BenchOptions(planner=("rrt",), problems=file, limit=1, out=out))
+    with (out / "results.jsonl").open("a") as log:
+        log.write('{"problem":"cut o')
+    main(BenchOptions(planner=("rrt", "gcs"), problems=file, out=out))
+    records = read_bench_records(out / "results.jsonl")
+    found = {(r.problem, r.planner): r.outcome for r in records}
+    assert len(records) == len(found) == 6
+    assert {outcome for (name, _), outcome in found.items() if name != "far"} == {"solved"}
+    assert found["far", "rrt"] == found["far", "gcs"] == "planning"
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["planners"]["rrt"]["solved"] == {"successes": 2, "trials": 3}
+    assert summary["planners"]["gcs"]["failures"] == {"planning": 1}
+    assert summary["pairs"][0]["mcnemar_p"] == 1.0
+    with pytest.raises(ValueError, match="seed was 0, is 1"):
+        main(BenchOptions(problems=file, seed=1, out=out))
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"planner": ("fancy",)}, "fancy.*default"),
+        ({"planner": ("rrt", "rrt")}, "twice"),
+        ({"limit": 0}, "limit is 0"),
+        ({"workers": 0}, "workers is 0"),
+    ],
+)
+def test_options_that_make_no_sense_are_errors(options: dict, match: str) -> None:
+    with pytest.raises(ValueError, match=match):
+        BenchOptions(**options)
+
+
+def test_a_plan_that_collides_is_refused_and_a_raise_is_an_error() -> None:
+    problem = mug_problem(Subgoal.HANG, UPRIGHT)
+    plan = make_planner("rrt").plan(problem, np.random.default_rng(0))
+    assert isinstance(plan, Plan)
+    jumping = replace(plan.segments[1], trajectory=rest(Q_HOME + 0.2, 0.1))
+    broken = replace(plan, segments=(plan.segments[0], jumping, *plan.segments[2:]))
+    refused = run_planner(Fixed(broken), "fixed", problem, "hang", seed=0)
+    assert refused.outcome == REFUSED
+    assert "starts" in refused.reason
+    raised = run_planner(Fixed(RuntimeError("boom")), "fixed", problem, "hang", seed=0)
+    assert raised.outcome == ERROR
+    assert "boom" in raised.reason
+
+
+def test_measures_grow_with_what_they_measure() -> None:
+    problem = mug_problem(Subgoal.HANG, UPRIGHT)
+    plan = make_planner("rrt").plan(problem, np.random.default_rng(0))
+    assert isinstance(plan, Plan)
+    meter = PlanMeter(Layout())
+    measures = meter.measure(plan, problem.p_WPs)
+    qs = np.concatenate([segment.trajectory.qs for segment in plan.segments])
+    steps = np.linalg.norm(np.diff(qs, axis=0), axis=1).sum()
+    assert measures.path_length_rad == pytest.approx(steps, abs=1e-4)
+    assert 0.0 < measures.clearance_m <= 0.1
+    beside_path = meter.measure(plan, np.concatenate([problem.p_WPs, [plan.X_WGrasp[:3, 3]]]))
+    assert beside_path.clearance_m <= measures.clearance_m
+
+
+def test_jerk_of_a_cubic_is_its_third_derivative() -> None:
+    times = np.arange(50) * 0.01
+    qs, vs = (np.outer(f, np.ones(7)) for f in (times**3, 3.0 * times**2))
+    assert rms_jerk([JointTrajectory(times, qs, vs)]) == pytest.approx(6.0)
+    assert rms_jerk([rest(Q_HOME, 0.5)]) == 0.0
+
+
+def test_summaries_count_and_take_medians() -> None:
+    records = [made_up(i, "a", solved=i < 8, cpu_s=float(i)) for i in range(10)]
+    summary = PlannerSummary.of(records)
+    assert (summary.solved.successes, summary.solved.trials) == (8, 10)
+    assert summary.median_cpu_s == 4.5
+    assert summary.median_s == 9.0
+    assert summary.p95_s == pytest.approx(17.1)
+    assert summary.medians["path_length_rad"] == 8.5
+    assert summary.failures == {"planning": 2}
+    assert PlannerSummary.of([made_up(0, "a", solved=False)]).medians == {}
+
+
+def test_pairs_are_compared_on_shared_problems_alone() -> None:
+    ones = [made_up(i, "a", solved=True, cpu_s=1.0 + 0.01 * i) for i in range(10)]
+    others = [made_up(i, "b", solved=i > 5, cpu_s=2.0) for i in range(9)]
+    pair = compare(ones + others, "a", "b")
+    assert (pair.only_one, pair.only_other) == (6, 0)
+    assert pair.mcnemar_p == pytest.approx(2.0 * 0.5**6)
+    assert pair.cpu_s.problems == 9
+    assert pair.cpu_s.median == pytest.approx(-0.96)
+    assert pair.cpu_s.p < 0.01
+    assert pair.path_length_rad.problems == 3
+
+
+def test_nothing_to_compare_is_no_difference() -> None:
+    assert mcnemar_exact(0, 0) == 1.0
+    assert PairedDifference.of([], []).problems == 0
+    assert PairedDifference.of([1.0, 2.0], [1.0, 2.0]).p == 1.0
+
+
+def test_the_table_names_planners_shares_and_failures() -> None:
+    console = Console(record=True, width=90)
+    records = [made_up(i, name, solved=i < n) for name, n in (("a", 3), ("b", 0)) for i in range(4)]
+    print_bench(console, records)
+    text = console.export_text()
+    assert "3/4 = 75.0%" in text
+    assert "b: failures by stage: planning 4" in text
+    assert "a - b" in text

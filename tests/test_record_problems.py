@@ -1,0 +1,65 @@
+"""Recorded problems are those that a trial's planner is asked; regions grow from their plans."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planning.problem import PlanningProblem, Subgoal
+from planning.problem_files import load_problems
+from planning.regions import load_regions
+from scenarios import grow_regions
+from scenarios.grow_regions import GrowOptions
+from scenarios.record_problems import (
+    MAX_POSES,
+    SHIPPED_PROBLEMS,
+    RecordOptions,
+    main,
+    record_problem,
+    specs_of,
+)
+from split_drake.panda import Q_HOME
+from split_drake.pose_set import PoseTask
+
+HANG = "hang-oracle-test-0"
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("problems") / "p.npz"
+    return main(RecordOptions(count=2, detectors=("oracle",), workers=1, out=out))
+
+
+def test_tasks_take_turns_and_the_same_seed_gives_the_same_problem(file: Path) -> None:
+    found = load_problems(file)
+    assert list(found) == [HANG, "reorient-oracle-test-0"]
+    assert [p.subgoal for p in found.values()] == [Subgoal.HANG, Subgoal.REORIENT]
+    spec = specs_of(RecordOptions(count=1, detectors=("oracle",)))[0]
+    again = record_problem(spec).problem
+    assert isinstance(again, PlanningProblem)
+    np.testing.assert_allclose(found[HANG].p_WPs, again.p_WPs, atol=1e-4)
+    assert len(found[HANG].pose_sets[PoseTask.GRASP]) <= MAX_POSES[PoseTask.GRASP]
+    np.testing.assert_allclose(again.q_start, Q_HOME, atol=0.01)
+
+
+def test_regions_grow_from_plans(file: Path, tmp_path: Path) -> None:
+    out = tmp_path / "r.npz"
+    grow_regions.main(GrowOptions(problems=file, plans=1, max_regions=2, out=out))
+    regions = load_regions(out)
+    assert len(regions) == 2
+    assert regions.covers(Q_HOME[None]).all()
+
+
+def test_shipped_problems_are_of_both_tasks_and_plenty() -> None:
+    problems = load_problems(SHIPPED_PROBLEMS)
+    assert len(problems) >= 200
+    assert {problem.subgoal for problem in problems.values()} == set(Subgoal)
+    assert SHIPPED_PROBLEMS.stat().st_size < 5e6
+
+
+def test_options_that_make_no_sense_are_errors() -> None:
+    for options, match in (({"count": 0}, "count is 0"), ({"tasks": ()}, "at least one")):
+        with pytest.raises(ValueError, match=match):
+            RecordOptions(**options)
+    with pytest.raises(ValueError, match="plans is 0"):
+        GrowOptions(plans=0)
