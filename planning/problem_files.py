@@ -5,7 +5,6 @@ exactly.
 """
 
 import hashlib
-import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -18,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from planning.layout_json import layout_from_json, layout_to_json
 from planning.perceived import DETAIL_VOXEL_M, voxel_centroids
 from planning.problem import PlanningProblem, Subgoal
+from split_drake.files import replacing
 from split_drake.pose_set import PoseSet, PoseTask
 from split_drake.poses import Array, make_pose
 
@@ -46,11 +46,8 @@ def save_problems(path: Path, problems: Mapping[str, PlanningProblem]) -> None:
     """
     arrays = _to_arrays(list(problems), list(problems.values()))
     arrays |= {"format": np.array(FORMAT), "sha256": np.array(_checksum(arrays))}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".npz", delete=False) as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
-    Path(file.name).chmod(0o644)
-    Path(file.name).replace(path)
+    with replacing(path) as temporary:
+        np.savez_compressed(temporary, allow_pickle=False, **arrays)
 
 
 def load_problems(path: Path) -> dict[str, PlanningProblem]:

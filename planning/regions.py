@@ -6,7 +6,6 @@ share of its volume, and knows neither the object nor how far the hand is open: 
 regions must be checked.
 """
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
@@ -27,6 +26,7 @@ from pydrake.symbolic import Expression, MakeVectorVariable
 from planning.kinematics import LIMIT_MARGIN_RAD
 from planning.layout_json import layout_from_json, layout_to_json
 from planning.world import CollisionWorld
+from split_drake.files import replacing
 from split_drake.gripper import MAX_OPENING_M
 from split_drake.layout import Layout
 from split_drake.panda import MODELS_FOLDER, arm_limits
@@ -122,10 +122,9 @@ def _open_hand() -> IrisParameterizationFunction:
 def save_regions(path: Path, regions: Regions) -> None:
     """Write regions as an npz, atomically."""
     faces = [len(p.b()) for p in regions.polytopes]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".npz", delete=False) as file:
+    with replacing(path) as temporary:
         np.savez_compressed(
-            file,
+            temporary,
             allow_pickle=False,
             format=np.array(FORMAT),
             layout=np.array(layout_to_json(regions.layout)),
@@ -134,8 +133,6 @@ def save_regions(path: Path, regions: Regions) -> None:
             faces=np.array(faces),
             edges=np.array(regions.edges, dtype=int).reshape(-1, 2),
         )
-    Path(file.name).chmod(0o644)
-    Path(file.name).replace(path)
 
 
 def load_regions(path: Path = SHIPPED_REGIONS) -> Regions:

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from scenarios.bench_records import BenchRecord
 from scenarios.bench_statistics import Comparison, PlannerSummary, by_planner, compare
-from scenarios.files import write_json
+from split_drake.files import write_json
 
 # Medians over solved problems: measure, heading, factor to its unit, digits.
 _MEASURES = (

@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import binomtest, wilcoxon
+from scipy.stats import wilcoxon
 
 from scenarios.bench_records import BenchRecord
-from scenarios.records import Rate
+from scenarios.records import Rate, mcnemar_exact
 
 
 @dataclass(frozen=True)
@@ -90,12 +90,6 @@ class Comparison:
     mcnemar_p: float
     cpu_s: PairedDifference
     path_length_rad: PairedDifference
-
-
-def mcnemar_exact(only_one: int, only_other: int) -> float:
-    """Return the two-sided p of McNemar's exact test; 1 without discordant pairs."""
-    discordant = only_one + only_other
-    return float(binomtest(only_one, discordant).pvalue) if discordant else 1.0
 
 
 def compare(records: Sequence[BenchRecord], one: str, other: str) -> Comparison:

@@ -1,6 +1,5 @@
 """Mugs from files, checked before a run's first trial, their true grasps kept in its folder."""
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -8,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from scenarios.files import write_atomically
 from scenarios.mug_source import MugSource
 from scenarios.pool import WorkerPool
 from split_drake.data.grasps import SCANNED_WIDTH_M, GraspLabels, sample_grasps
 from split_drake.data.mug_mesh import InvalidMugError
+from split_drake.files import replacing
 from split_drake.station import Station
 
 
@@ -79,9 +78,8 @@ def read_grasps(folder: Path, name: str) -> GraspLabels:
 
 
 def _write(path: Path, labels: GraspLabels) -> None:
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **{key: getattr(labels, key) for key in _label_fields()})
-    write_atomically(path, buffer.getvalue())
+    with replacing(path) as temporary:
+        np.savez_compressed(temporary, **{key: getattr(labels, key) for key in _label_fields()})
 
 
 def _label_fields() -> Sequence[str]:

@@ -19,7 +19,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from planning.planner import planner_names
-from scenarios.files import write_atomically
 from scenarios.mug_check import check_mugs
 from scenarios.mug_source import MugSource
 from scenarios.pool import WorkerPool
@@ -29,6 +28,7 @@ from scenarios.report import print_report, run_title, write_report
 from scenarios.resume import claim_folder
 from scenarios.trial_spec import TrialSpec
 from scenarios.trials import crashed_trial, run_trial
+from split_drake.files import write_atomically
 
 
 @dataclass(frozen=True)

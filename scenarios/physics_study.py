@@ -17,7 +17,6 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from scenarios.files import write_atomically
 from scenarios.pool import WorkerPool
 from scenarios.provenance import git_commit, package_versions
 from scenarios.resume import claim_folder, read_json_lines
@@ -29,6 +28,7 @@ from scenarios.study_trials import (
     crashed_study_trial,
     run_study_trial,
 )
+from split_drake.files import write_atomically
 
 _FREE_KEYS = ("out", "trials", "factors", "workers")
 

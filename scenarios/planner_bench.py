@@ -26,11 +26,11 @@ from scenarios.bench_records import (
     run_task,
 )
 from scenarios.bench_report import print_bench, write_bench_summary
-from scenarios.files import write_atomically
 from scenarios.pool import WorkerPool
 from scenarios.provenance import file_sha256, git_commit, package_versions
 from scenarios.record_problems import SHIPPED_PROBLEMS
 from scenarios.resume import claim_folder
+from split_drake.files import write_atomically
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from pydrake.geometry import Meshcat, MeshcatParams, Rgba
 from pydrake.perception import BaseField, Fields, PointCloud
 
 from planning.problem import Plan, Subgoal
-from scenarios.files import write_atomically
 from scenarios.pose_drawing import pose_segments, score_bands
+from split_drake.files import write_atomically
 from split_drake.pose_set import PoseSet, PoseTask
 from split_drake.poses import Array
 

@@ -69,6 +69,12 @@ class TrialRecord:
         return json.dumps(asdict(self), separators=(",", ":"))
 
 
+def mcnemar_exact(only_one: int, only_other: int) -> float:
+    """Return the two-sided p of McNemar's exact test; 1 without discordant pairs."""
+    discordant = only_one + only_other
+    return float(binomtest(only_one, discordant).pvalue) if discordant else 1.0
+
+
 def read_records(path: Path) -> list[TrialRecord]:
     """Return the records of a trials.jsonl, in order of their index; [] where there is no file.
 

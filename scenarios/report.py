@@ -8,7 +8,6 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from scenarios.files import write_atomically, write_json
 from scenarios.records import (
     WIDE_MUG_M,
     Rate,
@@ -18,6 +17,7 @@ from scenarios.records import (
     total_redraws,
     worst_peaks,
 )
+from split_drake.files import write_atomically, write_json
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 70rem; color: #222 }

@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from scenarios.files import write_json
+from split_drake.files import write_json
 
 
 def claim_folder(folder: Path, config: Mapping[str, Any], free_keys: Collection[str]) -> None:

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rich.table import Table
-from scipy.stats import binomtest
 
-from scenarios.files import write_atomically, write_json
-from scenarios.records import Rate
+from scenarios.records import Rate, mcnemar_exact
 from scenarios.study_cells import Cell
 from scenarios.study_trials import StudyRecord
+from split_drake.files import write_atomically, write_json
 
 HEADS = {
     "hold": ("held", "pads deep", "slip", "turn", "times real time"),
@@ -108,7 +107,7 @@ def paired_p(one: Mapping[int, StudyRecord], other: Mapping[int, StudyRecord]) -
     """Return McNemar's exact p-value over the trials that both have; 1 where none differs."""
     pairs = [(one[i].succeeded, other[i].succeeded) for i in one.keys() & other.keys()]
     better, worse = pairs.count((True, False)), pairs.count((False, True))
-    return float(binomtest(better, better + worse).pvalue) if better + worse else 1.0
+    return mcnemar_exact(better, worse)
 
 
 def print_study(console: Console, rows: Sequence[Row]) -> None:

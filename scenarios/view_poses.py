@@ -13,8 +13,8 @@ import meshcat.geometry as geometry
 import numpy as np
 import tyro
 
-from scenarios.files import write_atomically
 from scenarios.pose_drawing import ColoredSegments, score_bands
+from split_drake.files import write_atomically
 from split_drake.pose_set import PoseSet, PoseTask, load_pose_sets
 from split_drake.poses import Array, make_pose
 

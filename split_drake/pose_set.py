@@ -1,6 +1,5 @@
 """Pose sets: what a detector returns and a planner takes."""
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 
+from split_drake.files import replacing
 from split_drake.poses import Array, check_poses
 
 if TYPE_CHECKING:
@@ -80,10 +80,8 @@ def save_pose_sets(path: Path, pose_sets: dict[PoseTask, PoseSet], p_WPs: Array)
     for task, pose_set in pose_sets.items():
         arrays[f"{task}/X_WPs"] = pose_set.X_WPs
         arrays[f"{task}/scores"] = pose_set.scores
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".npz", delete=False) as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
-    Path(file.name).replace(path)
+    with replacing(path) as temporary:
+        np.savez_compressed(temporary, allow_pickle=False, **arrays)
 
 
 def load_pose_sets(path: Path) -> tuple[dict[PoseTask, PoseSet], Array]:

@@ -16,8 +16,9 @@ from planning.problem_files import save_problems
 from planning.timing import rest
 from scenarios.bench_records import ERROR, REFUSED, BenchRecord, read_bench_records, run_planner
 from scenarios.bench_report import print_bench
-from scenarios.bench_statistics import PairedDifference, PlannerSummary, compare, mcnemar_exact
+from scenarios.bench_statistics import PairedDifference, PlannerSummary, compare
 from scenarios.planner_bench import BenchOptions, main
+from scenarios.records import mcnemar_exact
 from split_drake.layout import Layout
 from split_drake.panda import Q_HOME
 from split_drake.poses import make_pose

@@ -8,7 +8,6 @@ one with more grasps a mug adds to what there is.
 
 import multiprocessing
 import os
-import tempfile
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -112,9 +111,7 @@ def check_mug(config: CheckConfig, name: str) -> str:
     rng = np.random.default_rng([int(name.rpartition("_")[2]), config.mugs == "test"])
     tried = check(load_mug(name), rng, known, config.per_mug)
     grasps = tried if before is None else _join(before, tried)
-    with tempfile.NamedTemporaryFile(dir=config.out, suffix=".npz", delete=False) as file:
-        write_store(Path(file.name), {name: grasps}, sha256)
-    Path(file.name).replace(path)
+    write_store(path, {name: grasps}, sha256)
     return name
 
 

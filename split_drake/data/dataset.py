@@ -24,7 +24,6 @@ redraws            ()               int32    scenes drawn again for want of true
 import hashlib
 import json
 import os
-import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -34,6 +33,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from split_drake.files import replacing
 from split_drake.poses import Array
 from split_drake.scene import Workspace
 
@@ -193,9 +193,8 @@ def _padded_poses(X: np.ndarray, count: int) -> np.ndarray:
 
 def write_shard(path: Path, shard: Shard) -> None:
     """Write a shard at once or not at all; `shard` holds all of `SHARD_ARRAYS`."""
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-        np.savez(file, allow_pickle=False, **{key: shard[key] for key in SHARD_ARRAYS})
-    Path(file.name).replace(path)
+    with replacing(path) as temporary:
+        np.savez(temporary, allow_pickle=False, **{key: shard[key] for key in SHARD_ARRAYS})
 
 
 def read_shard(path: Path) -> Shard:

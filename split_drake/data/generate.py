@@ -49,6 +49,7 @@ from split_drake.data.mugs import Split, load_mug, mug_names, mugs_sha256
 from split_drake.data.randomization import DomainRandomization
 from split_drake.data.rests import load_rests, rests_path
 from split_drake.data.scene_generator import SceneGenerator
+from split_drake.files import write_json
 from split_drake.layout import Layout
 
 # Raise it when code changes what scenes or labels come out of the same files and settings.
@@ -133,7 +134,7 @@ def _open_folder(config: GenerateConfig) -> dict[str, Any]:
             f"{ {key: before.get(key) for key in changed} }; "
             f"asked for { {key: wanted[key] for key in changed} }"
         )
-    path.write_text(json.dumps(wanted, indent=1) + "\n")
+    write_json(path, wanted)
     return wanted
 
 
@@ -182,7 +183,7 @@ def generate(config: GenerateConfig) -> None:
         "shards": shards,
         "sha256": combined_sha256(shards),
     }
-    (config.out / MANIFEST).write_text(json.dumps(manifest, indent=1) + "\n")
+    write_json(config.out / MANIFEST, manifest)
 
 
 if __name__ == "__main__":

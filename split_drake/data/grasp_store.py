@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from split_drake.data.free_hand import MAX_SLIP_M, MAX_TURN_RAD
 from split_drake.data.mugs import Split, mugs_sha256
+from split_drake.files import replacing
 from split_drake.poses import Array
 
 # Two grasps of a mug, mirrored in the plane y = 0 of O; the hand is its own mirror image too.
@@ -81,14 +82,15 @@ def write_store(path: Path, grasps: dict[str, CheckedGrasps], sha256: str) -> No
         name: array if array.dtype.kind == "U" else array.astype(np.float32)
         for name, array in arrays.items()
     }
-    np.savez_compressed(
-        path,
-        allow_pickle=False,
-        names=np.array(list(grasps)),
-        counts=np.array([len(checked) for checked in grasps.values()]),
-        mugs_sha256=np.array(sha256),
-        **compact,
-    )
+    with replacing(path) as temporary:
+        np.savez_compressed(
+            temporary,
+            allow_pickle=False,
+            names=np.array(list(grasps)),
+            counts=np.array([len(checked) for checked in grasps.values()]),
+            mugs_sha256=np.array(sha256),
+            **compact,
+        )
 
 
 def read_store(path: Path, sha256: str) -> dict[str, CheckedGrasps]:

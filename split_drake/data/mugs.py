@@ -22,6 +22,7 @@ from rich import print
 from split_drake.data.mug_collision import collision_geometry
 from split_drake.data.mug_mesh import InvalidMugError, make_mesh
 from split_drake.data.mug_parameters import MugParameters, sample_parameters
+from split_drake.files import write_json
 from split_drake.objects import MugShape, RigidObject
 from split_drake.poses import Array, make_pose
 
@@ -151,7 +152,7 @@ def write_split(config: SplitConfig) -> None:
     config.out.mkdir(parents=True, exist_ok=True)
     for split, chosen in (("train", mugs[: config.train]), ("test", mugs[config.train :])):
         content = {"seed": config.seed, "mugs": [asdict(parameters) for parameters in chosen]}
-        (config.out / f"{split}.json").write_text(json.dumps(content, indent=1) + "\n")
+        write_json(config.out / f"{split}.json", content)
     draws = len(mugs) + rejected.total()
     print(f"{len(mugs)} mugs from {draws} draws, {rejected.total() / draws:.0%} rejected:")
     for reason, count in rejected.most_common():

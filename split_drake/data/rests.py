@@ -18,6 +18,7 @@ from rich.progress import track
 from scipy.spatial.transform import Rotation
 
 from split_drake.data.mugs import Split, load_mug, mug_names, mugs_sha256
+from split_drake.files import replacing
 from split_drake.objects import RigidObject
 from split_drake.oracle import Truth
 from split_drake.poses import Array
@@ -137,14 +138,15 @@ def settle_split(config: SettleConfig) -> None:
     with ProcessPoolExecutor(config.workers, mp_context=context) as executor:
         futures = [executor.submit(_settle_mug, name, config.count) for name in names]
         rests = [future.result() for future in track(futures, "mugs")]
-    np.savez_compressed(
-        rests_path(config.mugs),
-        allow_pickle=False,
-        names=np.array(names),
-        mugs_sha256=np.array(mugs_sha256(config.mugs)),
-        X_TOs=np.stack([r.X_TOs for r in rests]).astype(np.float32),
-        dropped=np.array([r.dropped for r in rests]),
-    )
+    with replacing(rests_path(config.mugs)) as temporary:
+        np.savez_compressed(
+            temporary,
+            allow_pickle=False,
+            names=np.array(names),
+            mugs_sha256=np.array(mugs_sha256(config.mugs)),
+            X_TOs=np.stack([r.X_TOs for r in rests]).astype(np.float32),
+            dropped=np.array([r.dropped for r in rests]),
+        )
     dropped = sum(r.dropped for r in rests)
     print(f"{len(names) * config.count} rests of {dropped} drops")
 

@@ -4,7 +4,6 @@ A checkpoint is a safetensors file whose metadata holds `CheckpointInfo` as JSON
 """
 
 import json
-import tempfile
 from dataclasses import asdict, dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -14,6 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from split_drake.files import replacing
 from split_drake.split.diffusion import NoiseSchedule
 from split_drake.split.network import SplitConfig, SplitNetwork
 
@@ -75,12 +75,8 @@ def save_checkpoint(path: Path, network: SplitNetwork, info: CheckpointInfo) -> 
     }
     tensors = {name: value.cpu().contiguous() for name, value in network.state_dict().items()}
     _require_finite(tensors, path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".partial", delete=False) as file:
-        temporary = Path(file.name)
-    save_file(tensors, temporary, metadata)
-    temporary.chmod(0o644)
-    temporary.replace(path)
+    with replacing(path) as temporary:
+        save_file(tensors, temporary, metadata)
 
 
 def _require_finite(tensors: dict[str, Tensor], path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 from rich.table import Table
 
+from split_drake.files import write_json
 from split_drake.pose_set import PoseTask
 from split_drake.split.checkpoint import load_checkpoint
 from split_drake.split.network import TASKS
@@ -132,5 +133,5 @@ def terminal_table(rows: list[Row]) -> Table:
 def write_report(rows: list[Row], out: Path) -> None:
     """Write ablations.json and ablations.md to the folder `out`."""
     document = {"rows": [row.record() for row in rows]}
-    (out / "ablations.json").write_text(json.dumps(document, indent=1) + "\n")
+    write_json(out / "ablations.json", document)
     (out / "ablations.md").write_text(markdown(rows))

@@ -16,6 +16,7 @@ import torch
 from rich.console import Console
 from rich.progress import track
 
+from split_drake.files import write_json
 from split_drake.training.eval_plots import plot_errors, plot_reliability
 from split_drake.training.eval_record import SceneRecord, read_records
 from split_drake.training.eval_scenes import EvalMugs, EvalOptions, sources_sha256
@@ -70,7 +71,7 @@ def _take_up(out: Path, question: dict[str, Any]) -> list[SceneRecord]:
                 "choose another folder"
             )
     else:
-        path.write_text(json.dumps(question, indent=1) + "\n")
+        write_json(path, question)
     return read_records(out / SCENES)
 
 
@@ -117,7 +118,7 @@ def evaluate(
 def _report(records: list[SceneRecord], question: dict[str, Any], out: Path) -> dict[str, Any]:
     """Write metrics and pictures, and return the metrics."""
     metrics = {**summarize(records), **question}
-    (out / METRICS).write_text(json.dumps(metrics, indent=1) + "\n")
+    write_json(out / METRICS, metrics)
     plot_reliability(metrics, out / "reliability.png")
     plot_errors(records, out / "errors.png")
     return metrics

@@ -18,7 +18,6 @@ kept.
 import json
 import multiprocessing
 import os
-import tempfile
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -31,6 +30,7 @@ from numpy.typing import NDArray
 from rich.progress import track
 
 from split_drake.data.dataset import file_sha256
+from split_drake.files import replacing, write_json
 from split_drake.layout import Layout
 from split_drake.pose_set import PoseTask
 from split_drake.scene import Scene
@@ -105,13 +105,12 @@ def write_judged(config: JudgeConfig, name: str) -> None:
     mug = EvalMug.of_split(name)
     rng = np.random.default_rng([config.seed, int(name.rpartition("_")[2])])
     scenes = [judge_scene(mug, detector, rng) for _ in range(config.scenes_per_mug)]
-    with tempfile.NamedTemporaryFile(dir=config.out, suffix=".part", delete=False) as file:
+    with replacing(config.out / f"{name}.npz") as temporary:
         np.savez(
-            file,
+            temporary,
             allow_pickle=False,
             **{key: np.stack([scene[key] for scene in scenes]) for key in scenes[0]},
         )
-    Path(file.name).replace(config.out / f"{name}.npz")
 
 
 def _open_folder(config: JudgeConfig) -> None:
@@ -120,7 +119,7 @@ def _open_folder(config: JudgeConfig) -> None:
     path, record = config.out / "config.json", config.record()
     if path.exists() and (before := json.loads(path.read_text())) != record:
         raise JudgedGraspsError(f"{config.out} holds grasps of {before}; asked for {record}")
-    path.write_text(json.dumps(record, indent=1) + "\n")
+    write_json(path, record)
 
 
 def judge(config: JudgeConfig, names: Sequence[str]) -> None:

@@ -4,6 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from split_drake.files import write_atomically, write_json
+
 # A resumed run may be longer or shorter; the state tells whether the device fits.
 _MAY_CHANGE = {"minutes", "steps", "device"}
 
@@ -42,7 +44,7 @@ class RunFolder:
             self._require_same(options)
         if self.state.exists():
             return True
-        self._write(self.config, json.dumps(options, indent=1))
+        write_json(self.config, options)
         self.curves.unlink(missing_ok=True)
         return False
 
@@ -61,7 +63,7 @@ class RunFolder:
     def cut_curves(self, step: int) -> None:
         """Drop what was reported beyond `step`, which the resumed run will report again."""
         kept = [json.dumps(line) + "\n" for line in self.read_curves() if line["step"] <= step]
-        self._write(self.curves, "".join(kept))
+        write_atomically(self.curves, "".join(kept))
 
     def _require_same(self, options: dict[str, Any]) -> None:
         """Exit where a resumed run would not be the same."""
@@ -72,10 +74,3 @@ class RunFolder:
                 f"the run in {self.path} has other values of {', '.join(changed)}; resume it with "
                 "the options and data it was started with, or choose another folder"
             )
-
-    @staticmethod
-    def _write(path: Path, text: str) -> None:
-        """Write a file whole or not at all."""
-        partial = path.with_suffix(".partial")
-        partial.write_text(text)
-        partial.replace(path)

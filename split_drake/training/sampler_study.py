@@ -8,7 +8,6 @@ DIR gets a folder each (see `evaluation`), study.json and study.png.  A study th
 on.
 """
 
-import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -23,6 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 from split_drake.data.dataset import file_sha256
+from split_drake.files import write_json
 from split_drake.pose_set import PoseTask
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.detector import SplitDetector
@@ -219,7 +219,7 @@ def main(config: StudyConfig) -> None:
     for sampler in samplers():
         console.print(sampler.name)
         rows.append(measure(config, sampler, console))
-        (config.out / "study.json").write_text(json.dumps(rows, indent=1) + "\n")
+        write_json(config.out / "study.json", rows)
     plot_study(rows, config.out / "study.png")
     console.print(study_table(rows))
 

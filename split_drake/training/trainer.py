@@ -3,7 +3,6 @@
 import copy
 import math
 import pickle
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from split_drake.files import replacing
 from split_drake.split.network import SplitConfig, SplitNetwork
 from split_drake.training.batches import BatchConfig, draw_batch
 from split_drake.training.losses import Losses, compute_losses
@@ -153,9 +153,8 @@ class Trainer:
             "step": self.step,
             "elapsed_s": self.elapsed_s,
         }
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".partial", delete=False) as file:
-            torch.save(state, file)
-        Path(file.name).replace(path)
+        with replacing(path) as temporary:
+            torch.save(state, temporary)
 
     def restore(self, path: Path) -> None:
         """Go on from what `save` wrote; the configuration must be the same.
