@@ -14,6 +14,9 @@ from split_drake.poses import Array, make_pose, rotation_error_rad
 MODE_DISTANCE_M = 0.01
 MODE_ANGLE_RAD = np.radians(15.0)
 IDENTITY = np.eye(4)
+# Poses closer than this to one that failed are taken to fail as well.
+FAILURE_DISTANCE_M = 0.015
+FAILURE_ANGLE_RAD = np.radians(25.0)
 
 
 class BestPairs:
@@ -94,8 +97,24 @@ def turned_alike(X_WPs: Array, X_WP: Array, symmetry: ArrayLike) -> Array:
     return np.where(nearer[:, None, None], others, X_WPs)
 
 
+def away_from(X_WPs: Array, X_WFs: Array, symmetry: ArrayLike = IDENTITY) -> NDArray[np.bool_]:
+    """Return (N,): which of the poses (N, 4, 4) are unlike all that failed, X_WFs (F, 4, 4).
+
+    Poses X and X `symmetry` are the same, as in `distinct_modes`.
+    """
+    away = np.ones(len(X_WPs), dtype=bool)
+    for X_WF in X_WFs:
+        alike = turned_alike(X_WPs, X_WF, symmetry)
+        away &= ~_close(alike, X_WF, FAILURE_DISTANCE_M, FAILURE_ANGLE_RAD)
+    return away
+
+
 def _same_mode(X_WPs: Array, X_WP: Array) -> NDArray[np.bool_]:
     """Return (N,): which poses (N, 4, 4) are of the mode of a pose (4, 4)."""
+    return _close(X_WPs, X_WP, MODE_DISTANCE_M, MODE_ANGLE_RAD)
+
+
+def _close(X_WPs: Array, X_WP: Array, distance_m: float, angle_rad: float) -> NDArray[np.bool_]:
     distances = np.linalg.norm(X_WPs[:, :3, 3] - X_WP[:3, 3], axis=1)
     angles = rotation_error_rad(X_WPs[:, :3, :3], X_WP[:3, :3])
-    return np.asarray((distances < MODE_DISTANCE_M) & (angles < MODE_ANGLE_RAD))
+    return np.asarray((distances < distance_m) & (angles < angle_rad))

@@ -1,31 +1,21 @@
 """Execution of plans: segments become commands every 10 ms, with what the robot itself measures."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from planning.faults import Fault, find_fault, force_limit_n
 from planning.kinematics import gripper_jacobian
-from planning.problem import Plan, Segment, SegmentName, Stage
+from planning.problem import Segment, SegmentName, Stage
 from planning.timing import SAMPLE_S
+from split_drake.camera import DepthView
 from split_drake.gripper import MAX_OPENING_M
 from split_drake.poses import Array
 
-# Fingers closed further than this hold nothing.
-EMPTY_OPENING_M = 0.001
-# A change of the force at the gripper, against the segment's start, that counts as contact: a few
-# newtons, below the weight of the lightest mug plus what pressing it down by a millimetre adds.
-CONTACT_FORCE_N = 4.0
 # The force is not looked at while the arm gets moving, which takes force as well.
 CONTACT_AFTER_S = 0.15
-# What failed where the hand turns out to be empty after a segment.
-LOSS_STAGES = {
-    SegmentName.CLOSE: Stage.GRASP,
-    SegmentName.LIFT: Stage.GRASP,
-    SegmentName.TRANSFER: Stage.TRANSPORT,
-    SegmentName.INSERT: Stage.PLACEMENT,
-}
 
 
 class Robot(Protocol):
@@ -39,6 +29,10 @@ class Robot(Protocol):
 
     @property
     def joint_torques_nm(self) -> Array: ...
+
+    def capture(self) -> Sequence[DepthView]:
+        """Return what the depth cameras see now."""
+        ...
 
     def command(self, q: Array, v: Array, opening_m: float, force_n: float) -> None:
         """Set the desired arm state (7,), (7,), the opening, and the limit of its force."""
@@ -59,6 +53,7 @@ class SegmentLog:
         tracking_error_rad: largest error of any joint against its command.
         opening_m: measured at the end.
         stopped_by_contact: whether it ended early because the object touched something.
+        force_n: largest change of the force at the gripper, where the segment looks at it.
     """
 
     name: SegmentName
@@ -66,23 +61,26 @@ class SegmentLog:
     tracking_error_rad: float
     opening_m: float
     stopped_by_contact: bool
+    force_n: float = 0.0
 
 
 @dataclass(frozen=True)
 class ExecutionResult:
-    """How the execution of a plan ended.
+    """How the execution of segments ended.
 
     Attributes:
         completed: whether all segments were executed.
         logs: one for each segment that was started.
         stage: where it failed; None where it completed.
         reason: of the failure; empty where it completed.
+        fault: that ended it; None where it completed.
     """
 
     completed: bool
     logs: tuple[SegmentLog, ...]
     stage: Stage | None = None
     reason: str = ""
+    fault: Fault | None = None
 
     @property
     def duration_s(self) -> float:
@@ -116,23 +114,18 @@ class Executor:
         self.robot = robot
         self._on_step = on_step
 
-    def run(self, plan: Plan) -> ExecutionResult:
-        """Execute the plan; stop where the hand turns out to be empty while it should hold."""
+    def run(self, segments: Sequence[Segment]) -> ExecutionResult:
+        """Execute the segments; stop where one of them fails."""
         logs: list[SegmentLog] = []
         offset = np.zeros(7)
-        for segment in plan.segments:
+        for segment in segments:
+            opening_m = self.robot.opening_m
             log, offset = self._run_segment(segment, offset)
             logs.append(log)
-            if self._lost(segment.name):
-                reason = (
-                    f"the hand is empty after {segment.name}: its opening is "
-                    f"{1e3 * log.opening_m:.1f} mm"
-                )
-                return ExecutionResult(False, tuple(logs), LOSS_STAGES[segment.name], reason)
+            found = find_fault(segment, log.stopped_by_contact, opening_m, log.opening_m)
+            if found is not None:
+                return ExecutionResult(False, tuple(logs), found.stage, found.reason, found.fault)
         return ExecutionResult(True, tuple(logs))
-
-    def _lost(self, name: SegmentName) -> bool:
-        return name in LOSS_STAGES and self.robot.opening_m < EMPTY_OPENING_M
 
     def _run_segment(self, segment: Segment, offset: Array) -> tuple[SegmentLog, Array]:
         """Execute a segment that starts `offset` (7,) away; return its log and the offset left.
@@ -142,28 +135,37 @@ class Executor:
         """
         robot, trajectory = self.robot, segment.trajectory
         sheds = segment.name in (SegmentName.TRANSIT, SegmentName.TRANSFER)
-        torques, error = robot.joint_torques_nm, 0.0
+        torques, limit_n, error, force = robot.joint_torques_nm, force_limit_n(segment), 0.0, 0.0
         samples = zip(trajectory.times_s, trajectory.qs, trajectory.vs, strict=True)
         for count, (time, q, v) in enumerate(samples, start=1):
-            share = time / trajectory.duration_s
-            left = offset * (1.0 - _smooth(share)) if sheds else offset
-            opening = segment.opening_start_m + share * (
-                segment.opening_end_m - segment.opening_start_m
-            )
-            robot.command(q + left, v, min(opening, MAX_OPENING_M), segment.force_n)
-            robot.advance(SAMPLE_S)
-            if self._on_step is not None:
-                self._on_step(segment)
+            left = offset * (1.0 - _smooth(time / trajectory.duration_s)) if sheds else offset
+            self._step(segment, q + left, v, time / trajectory.duration_s)
             error = max(error, float(np.abs(robot.q - q - left).max()))
-            if segment.stop_on_contact and time > CONTACT_AFTER_S:
-                force = gripper_force(robot.q, robot.joint_torques_nm - torques)
-                if np.linalg.norm(force) > CONTACT_FORCE_N:
-                    stopped = robot.q - trajectory.qs[-1]
-                    spent_s = SAMPLE_S * count
-                    return SegmentLog(segment.name, spent_s, error, robot.opening_m, True), stopped
-        spent_s = SAMPLE_S * len(trajectory.times_s)
-        log = SegmentLog(segment.name, spent_s, error, robot.opening_m, False)
+            if np.isfinite(limit_n) and time > CONTACT_AFTER_S:
+                change = gripper_force(robot.q, robot.joint_torques_nm - torques)
+                force = max(force, float(np.linalg.norm(change)))
+            if force > limit_n:
+                log = self._log(segment, count, error, force, stopped=True)
+                return log, robot.q - trajectory.qs[-1]
+        log = self._log(segment, len(trajectory.times_s), error, force, stopped=False)
         return log, np.zeros(7) if sheds else offset
+
+    def _step(self, segment: Segment, q: Array, v: Array, share: float) -> None:
+        """Command a sample, `share` of its segment done, and let its time pass."""
+        opening_m = segment.opening_start_m + share * (
+            segment.opening_end_m - segment.opening_start_m
+        )
+        self.robot.command(q, v, min(opening_m, MAX_OPENING_M), segment.force_n)
+        self.robot.advance(SAMPLE_S)
+        if self._on_step is not None:
+            self._on_step(segment)
+
+    def _log(
+        self, segment: Segment, count: int, error: float, force: float, stopped: bool
+    ) -> SegmentLog:
+        return SegmentLog(
+            segment.name, SAMPLE_S * count, error, self.robot.opening_m, stopped, force
+        )
 
 
 def gripper_force(q: Array, torques_nm: Array) -> Array:

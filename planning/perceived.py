@@ -22,11 +22,13 @@ class PerceivedObject:
     Attributes:
         p_WObstacles: (N, 3) coarse points on its surface, the unseen side completed where known.
         p_WDetails: (M, 3) fine points on the surface that was seen.
+        p_WSurface: (L, 3) the fine points and, where known, coarse ones of the unseen side.
         p_WCom: (3,) estimated centre of mass.
     """
 
     p_WObstacles: Array
     p_WDetails: Array
+    p_WSurface: Array
     p_WCom: Array
 
     @classmethod
@@ -42,7 +44,8 @@ class PerceivedObject:
         if X_WU is not None:
             unseen = revolved_body(details, X_WU)
             surface = np.concatenate([details, unseen[unseen[:, 2] > 0.0]])
-        return cls(voxel_centroids(surface, OBSTACLE_VOXEL_M), details, surface.mean(axis=0))
+        obstacles = voxel_centroids(surface, OBSTACLE_VOXEL_M)
+        return cls(obstacles, details, surface, surface.mean(axis=0))
 
 
 def voxel_centroids(points: Array, edge_m: float) -> Array:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from planning.exemptions import TABLE_LIFT_M
-from planning.fingers import APPROACH_M, FingerFit
+from planning.fingers import APPROACH_M, FingerFit, fit_fingers
 from planning.ik import DrakeIk, IkSolutions, follow
+from planning.kinematics import gripper_pose
 from planning.perceived import PerceivedObject
 from planning.problem import AllowedContact
 from planning.waypoints import backed_off, shifted, straight_line
@@ -50,6 +51,16 @@ class Pick:
     def held(self, p_WPs: Array) -> Array:
         """Return points (N, 3) of the object before the pick in the gripper's frame, p_GPs."""
         return transform_points(invert_pose(self.X_WG), p_WPs)
+
+
+def held_pick(q: Array, held_width_m: float, target: PerceivedObject) -> Pick:
+    """Return the pick of an object that the hand holds already, at `q` (7,)."""
+    X_WG = gripper_pose(q)
+    release_m = max(fit_fingers(X_WG, target.p_WDetails).release_m, held_width_m)
+    holding = Situation(
+        held_width_m, p_GHeld=transform_points(invert_pose(X_WG), target.p_WObstacles)
+    )
+    return Pick(X_WG, release_m, release_m, held_width_m, q[None], q[None], holding)
 
 
 class PickSearch:

@@ -1,21 +1,23 @@
 """The default planner: lazily searched pairs of picks and places, joined by free motions."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
-from planning.candidates import BestPairs, distinct_modes
+from planning.candidates import BestPairs, away_from, distinct_modes
 from planning.fingers import FingerFit, fit_fingers, settled
 from planning.ik import DrakeIk, IkSolutions, follow, solve_ik
 from planning.kinematics import gripper_pose
 from planning.motion import FreeMotion, NoMotion, free_motion
 from planning.perceived import PerceivedObject
-from planning.pick import LINE_STEP_M, Pick, PickSearch, balance, firmness
+from planning.pick import LINE_STEP_M, Pick, PickSearch, balance, firmness, held_pick
 from planning.place import Place, PlaceSearch
 from planning.placements import Placement, placements
 from planning.planner import register_planner
 from planning.problem import Plan, PlanFailure, PlanningProblem, Stage, Subgoal
 from planning.segments import Route, before_watch, late, plan_segments
+from planning.turned_grasps import turned_grasps
 from planning.waypoints import (
     HALF_TURN,
     backed_off,
@@ -24,7 +26,7 @@ from planning.waypoints import (
     straight_line,
     with_half_turns,
 )
-from planning.world import CollisionWorld, Situation, same_fixtures
+from planning.world import CollisionWorld, Situation, clear_of_palm, same_fixtures
 from split_drake.layout import Layout
 from split_drake.panda import Q_HOME
 from split_drake.pose_set import PoseSet, PoseTask
@@ -38,6 +40,8 @@ REPEATED_MODE = 0.5
 MAX_PAIRS = 6000
 MAX_PLACES = 1500
 MAX_ROUTES = 12
+# Configurations tried for one placement: many pairs are tried, but few with one object in the hand.
+CONFIGURATIONS, HELD_CONFIGURATIONS = 3, 12
 # How far the hand backs off further once the object hangs, as far as that is possible.
 WITHDRAWALS_M = (0.15, 0.10, 0.05)
 
@@ -60,13 +64,25 @@ class PickPlacePlanner:
         grasps = problem.pose_sets[PoseTask.GRASP]
         if not len(grasps):
             return PlanFailure(Stage.PERCEPTION, "no grasp was detected")
-        target = PerceivedObject.from_cloud(problem.p_WPs, _upright(problem))
+        X_WU = _upright(problem)
+        target = PerceivedObject.from_cloud(problem.p_WPs, X_WU)
+        if problem.held_width_m is not None:
+            off_palm = clear_of_palm(gripper_pose(problem.q_start), target.p_WObstacles)
+            target = replace(target, p_WObstacles=target.p_WObstacles[off_palm])
         goals = placements(problem, target)
         if not goals:
             return PlanFailure(Stage.PERCEPTION, f"no goal for {problem.subgoal} was detected")
         world = self._world_of(problem.layout)
         search = _Search(world, self._ik, self._free_motion, problem, target, goals, rng)
-        return search.run(grasps)
+        if problem.held_width_m is not None:
+            return search.place(problem.held_width_m)
+        outcome = search.run(grasps, target.p_WDetails)
+        if isinstance(outcome, Plan) or X_WU is None:
+            return outcome
+        turned = search.run(turned_grasps(grasps, X_WU), target.p_WSurface)
+        if isinstance(turned, Plan):
+            return turned
+        return replace(turned, reason=f"{outcome.reason}; turned about the axis, {turned.reason}")
 
     def _world_of(self, layout: Layout) -> CollisionWorld:
         if self._world is None or not same_fixtures(layout, self._world.layout):
@@ -100,22 +116,34 @@ class _Search:
         self._rng = rng
         self._picks = PickSearch(world, target, ik)
         self._places = PlaceSearch(world, target)
+        self._X_WGs = np.empty((0, 4, 4))
+        self._fits: list[FingerFit] = []
+        self._solutions = solve_ik(self._X_WGs)
         self._found: dict[int, tuple[Pick, IkSolutions]] = {}
         self._counts: Counter[str] = Counter()
 
-    def run(self, grasps: PoseSet) -> Plan | PlanFailure:
-        X_WGs, fits, scores = self._candidates(grasps)
-        solutions = solve_ik(X_WGs)
-        pairs = BestPairs(scores, [goal.score for goal in self._goals])
+    def place(self, held_width_m: float) -> Plan | PlanFailure:
+        """Return a plan for an object that is in the hand already."""
+        pick = held_pick(self._problem.q_start, held_width_m, self._target)
+        self._found = {0: (pick, self._solve_goals(pick))}
+        return self._first_plan(BestPairs([1.0], [goal.score for goal in self._goals]))
+
+    def run(self, grasps: PoseSet, p_WSurface: Array) -> Plan | PlanFailure:
+        """Return a plan with one of the grasps, fitted to the surface's points (M, 3)."""
+        self._found, self._counts = {}, Counter()
+        untried = grasps.subset(away_from(grasps.X_WPs, self._problem.X_WGfailed, HALF_TURN))
+        if not len(untried):
+            return PlanFailure(Stage.PLANNING, "no grasp is left that is unlike those that failed")
+        self._X_WGs, self._fits, scores = self._candidates(untried, p_WSurface)
+        self._solutions = solve_ik(self._X_WGs)
+        return self._first_plan(BestPairs(scores, [goal.score for goal in self._goals]))
+
+    def _first_plan(self, pairs: BestPairs) -> Plan | PlanFailure:
         for row, column in pairs:
             self._counts["pairs"] += 1
-            if row not in self._found:
-                self._counts["grasps"] += 1
-                pick = self._picks.find(X_WGs[row], fits[row], solutions, row)
-                if pick is None:
-                    pairs.drop_row(row)
-                    continue
-                self._found[row] = (pick, self._solve_goals(pick))
+            if row not in self._found and not self._find_pick(row):
+                pairs.drop_row(row)
+                continue
             plan = self._try(row, column)
             if plan is not None:
                 return plan
@@ -123,7 +151,16 @@ class _Search:
                 break
         return PlanFailure(Stage.PLANNING, self._reason(), self._statistics())
 
-    def _candidates(self, grasps: PoseSet) -> tuple[Array, list[FingerFit], Array]:
+    def _find_pick(self, row: int) -> bool:
+        self._counts["grasps"] += 1
+        pick = self._picks.find(self._X_WGs[row], self._fits[row], self._solutions, row)
+        if pick is not None:
+            self._found[row] = (pick, self._solve_goals(pick))
+        return pick is not None
+
+    def _candidates(
+        self, grasps: PoseSet, p_WSurface: Array
+    ) -> tuple[Array, list[FingerFit], Array]:
         """Return grasps (2N, 4, 4) to try, both half-turns of each, their fits and scores (2N,)."""
         preferred = PoseSet.ranked(
             grasps.task, grasps.X_WPs, grasps.scores * balance(grasps.X_WPs, self._target)
@@ -132,9 +169,8 @@ class _Search:
         chosen = modes + [i for i in range(len(preferred)) if i not in modes]
         chosen = chosen[:MAX_GRASPS]
         novelty = np.where(np.isin(chosen, modes), 1.0, REPEATED_MODE)
-        details = self._target.p_WDetails
-        X_WGs = np.stack([settled(X_WG, details) for X_WG in preferred.X_WPs[chosen]])
-        fits = [fit_fingers(X_WG, details) for X_WG in X_WGs]
+        X_WGs = np.stack([settled(X_WG, p_WSurface) for X_WG in preferred.X_WPs[chosen]])
+        fits = [fit_fingers(X_WG, p_WSurface) for X_WG in X_WGs]
         scores = preferred.scores[chosen] * firmness(fits) * novelty
         return with_half_turns(X_WGs), 2 * fits, np.tile(scores, 2)
 
@@ -147,8 +183,10 @@ class _Search:
         pick, solutions = self._found[row]
         qs = solutions.of(column, pick.lift_qs[-1])
         self._counts["places"] += len(qs) > 0
+        held = self._problem.held_width_m is not None
+        qs = qs[: HELD_CONFIGURATIONS if held else CONFIGURATIONS]
         place = self._places.find(pick, self._goals[column], qs)
-        if place is None:
+        if place is None or self._failed_before(place):
             return None
         self._counts["routes"] += 1
         goal = place.placement
@@ -171,16 +209,24 @@ class _Search:
             statistics=self._statistics(),
         )
 
+    def _failed_before(self, place: Place) -> bool:
+        """Return whether an object in the hand was let go in vain where it would be again."""
+        if self._problem.held_width_m is None:
+            return False
+        return not away_from(place.X_WG[None], self._problem.X_WGfailed).all()
+
     def _route(self, pick: Pick, place: Place) -> Route | None:
         """Return the motions between the straight lines, or None where one is missing."""
         held = Situation(pick.held_width_m, p_GHeld=pick.held(self._target.p_WObstacles))
         transfer = self._motion(pick.lift_qs[-1], place.insert_qs[0], held)
         if transfer is None:
             return None
-        before = Situation(pick.opening_m, p_WStanding=self._target.p_WObstacles)
-        transit = self._motion(self._problem.q_start, pick.approach_qs[0], before)
-        if transit is None:
-            return None
+        transit = None
+        if self._problem.held_width_m is None:
+            before = Situation(pick.opening_m, p_WStanding=self._target.p_WObstacles)
+            transit = self._motion(self._problem.q_start, pick.approach_qs[0], before)
+            if transit is None:
+                return None
         after = Situation(pick.release_m, p_WStanding=place.p_WReleased)
         if self._problem.subgoal is Subgoal.HANG:
             return Route(transit, transfer, self._withdrawal(place.retreat_qs[-1], after))

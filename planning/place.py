@@ -16,9 +16,6 @@ from planning.waypoints import backed_off, place_grasp, polyline, shifted, strai
 from planning.world import CollisionWorld, Situation
 from split_drake.poses import Array, transform_points
 
-# Configurations tried for one placement.
-MAX_CONFIGURATIONS = 3
-
 
 @dataclass(frozen=True)
 class Place:
@@ -59,10 +56,10 @@ class PlaceSearch:
         Args:
             pick: how the object is held.
             placement: where it goes.
-            qs: (M, 7) solutions for the gripper at the goal, best first.
+            qs: (M, 7) solutions for the gripper at the goal, tried in this order.
         """
         reason = "IK"
-        for q in qs[:MAX_CONFIGURATIONS]:
+        for q in qs:
             place, reason = self._from_configuration(q, pick, placement)
             if place is not None:
                 return place

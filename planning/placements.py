@@ -21,7 +21,10 @@ from split_drake.poses import Array, invert_pose, make_pose, transform_points
 HANDLE_MODES = 6
 UPRIGHT_MODES = 3
 
+# Turns about the peg; more of them for an object that is in the hand already, since there are fewer
+# pairs to try.
 HANG_THETAS_RAD = np.radians(np.arange(-60.0, 61.0, 15.0))
+HELD_THETAS_RAD = np.radians(np.arange(-60.0, 61.0, 5.0))
 # Beyond the peg's tip there is room for a handle, and for the body beside it.
 BEYOND_TIP_M = (0.055, 0.04)
 # Room around the handle's axis, as far as the cloud shows, beyond which more is no better.
@@ -78,6 +81,7 @@ def hang_placements(problem: PlanningProblem, target: PerceivedObject) -> list[P
     y_WK = layout.X_WK[:3, 1]
     entries = np.stack([(layout.hook.tip_distance_m + room) * y_WK for room in BEYOND_TIP_M])
     handles = problem.pose_sets[PoseTask.HANDLE]
+    thetas = HANG_THETAS_RAD if problem.held_width_m is None else HELD_THETAS_RAD
     on_peg = frozenset({AllowedContact.HELD_PEG})
     found = []
     for X_WHseen, score in mode_means(handles, HANDLE_MODES, HANDLE_FLIP):
@@ -85,7 +89,7 @@ def hang_placements(problem: PlanningProblem, target: PerceivedObject) -> list[P
         if clearance < layout.hook.peg_radius_m:
             continue
         fits = min(1.0, clearance / GOOD_AXIS_CLEARANCE_M)
-        for X_WHgoal in hook_goals(layout.X_WK, HANG_THETAS_RAD):
+        for X_WHgoal in hook_goals(layout.X_WK, thetas):
             hangs = _hangs_below(X_WH, X_WHgoal, target.p_WCom)
             found.append(
                 Placement(

@@ -25,7 +25,7 @@ class Subgoal(StrEnum):
 
 
 class SegmentName(StrEnum):
-    """The segments of a pick and place, in their order."""
+    """The segments of a pick and place, in their order; recoveries are made of the same ones."""
 
     TRANSIT = "transit"
     APPROACH = "approach"
@@ -138,6 +138,20 @@ class Plan:
     X_WGoal: Array
     statistics: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def pick(self) -> tuple[Segment, ...]:
+        """The segments up to the lifted object; none where it was in the hand already."""
+        return self.segments[: self._placing_from]
+
+    @property
+    def place(self) -> tuple[Segment, ...]:
+        """The segments from there on."""
+        return self.segments[self._placing_from :]
+
+    @property
+    def _placing_from(self) -> int:
+        return [segment.name for segment in self.segments].index(SegmentName.TRANSFER)
+
 
 class Stage(StrEnum):
     """Where a trial can fail."""
@@ -169,6 +183,10 @@ class PlanningProblem:
         p_WPs: (N, 3) perceived full-resolution cloud of the object, metres in W.
         q_start: (7,) joint angles at the start, rad.
         layout: of the static station.
+        held_width_m: measured distance between the pads that hold the object already, its pose sets
+            and cloud being those of the object in the hand at `q_start`; None where it lies.
+        X_WGfailed: (F, 4, 4) grasps (releases, where the object is held) that failed before and
+            shall not be tried again, nor any like them.
     """
 
     subgoal: Subgoal
@@ -176,6 +194,8 @@ class PlanningProblem:
     p_WPs: Array
     q_start: Array
     layout: Layout = field(default_factory=Layout)
+    held_width_m: float | None = None
+    X_WGfailed: Array = field(default_factory=lambda: np.empty((0, 4, 4)))
 
     def __post_init__(self) -> None:
         missing = [task for task in self.subgoal.tasks if task not in self.pose_sets]
@@ -185,3 +205,7 @@ class PlanningProblem:
             )
         if np.shape(self.q_start) != (7,):
             raise ValueError(f"q_start has shape {np.shape(self.q_start)}; expected (7,)")
+        if np.shape(self.X_WGfailed)[1:] != (4, 4):
+            raise ValueError(
+                f"X_WGfailed has shape {np.shape(self.X_WGfailed)}; expected (F, 4, 4)"
+            )

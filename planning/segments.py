@@ -28,12 +28,12 @@ class Route:
     """The motions between a plan's straight lines, each (N, 7).
 
     Attributes:
-        transit_qs: from the start to the pregrasp.
+        transit_qs: from the start to the pregrasp; None where the object is in the hand already.
         transfer_qs: from the lifted object to the insertion.
         away_qs: from the retreat's end on, away from the object; None to stay there.
     """
 
-    transit_qs: Array
+    transit_qs: Array | None
     transfer_qs: Array
     away_qs: Array | None
 
@@ -59,16 +59,12 @@ def before_watch(segments: tuple[Segment, ...]) -> tuple[Segment, ...]:
 def plan_segments(
     world: CollisionWorld, target: PerceivedObject, pick: Pick, place: Place, route: Route
 ) -> tuple[Segment, ...]:
-    """Return the segments of a whole pick and place, in their order."""
-    before = Situation(pick.opening_m, p_WStanding=target.p_WObstacles)
+    """Return the segments of a pick and place, in their order; of the place alone if so routed."""
     carrying = Situation(pick.held_width_m, p_GHeld=pick.held(target.p_WObstacles))
     after = Situation(pick.release_m, p_WStanding=place.p_WReleased)
-    grip = _Builder(world)
+    grip = SegmentBuilder(world)
     segments = [
-        grip.empty(SegmentName.TRANSIT, route.transit_qs, FREE, before),
-        grip.empty(SegmentName.APPROACH, pick.approach_qs, CAREFUL, _allowing(before, _FINGERS)),
-        _close(pick),
-        grip.loaded(SegmentName.LIFT, pick.lift_qs, CAREFUL, pick.lifting),
+        *_pick_segments(grip, target, pick, route.transit_qs),
         grip.loaded(SegmentName.TRANSFER, route.transfer_qs, LOADED, carrying),
         grip.loaded(SegmentName.INSERT, place.insert_qs, CAREFUL, place.inserting),
         grip.loaded(SegmentName.INSERT, place.lower_qs, FEELING, place.lowering, feel=True),
@@ -80,8 +76,22 @@ def plan_segments(
     return tuple(segments)
 
 
+def _pick_segments(
+    grip: "SegmentBuilder", target: PerceivedObject, pick: Pick, transit_qs: Array | None
+) -> tuple[Segment, ...]:
+    if transit_qs is None:
+        return ()
+    before = Situation(pick.opening_m, p_WStanding=target.p_WObstacles)
+    return (
+        grip.empty(SegmentName.TRANSIT, transit_qs, FREE, before),
+        grip.empty(SegmentName.APPROACH, pick.approach_qs, CAREFUL, _allowing(before, _FINGERS)),
+        _close(pick),
+        grip.loaded(SegmentName.LIFT, pick.lift_qs, CAREFUL, pick.lifting),
+    )
+
+
 @dataclass(frozen=True)
-class _Builder:
+class SegmentBuilder:
     """Times paths and makes segments of them."""
 
     world: CollisionWorld
@@ -138,14 +148,21 @@ def _close(pick: Pick) -> Segment:
 
 
 def _open(place: Place, pick: Pick) -> Segment:
-    duration = pick.release_m / FINGER_SPEED_M_S + SETTLE_S
+    contacts = _FINGERS | place.placement.lower_contacts
+    return opening_segment(place.lower_qs[-1], pick.release_m, pick.held_width_m, contacts)
+
+
+def opening_segment(
+    q: Array, release_m: float, held_width_m: float, contacts: frozenset[AllowedContact]
+) -> Segment:
+    """Return the segment in which the hand, at rest at `q` (7,), lets go of an object."""
     return Segment(
         name=SegmentName.OPEN,
-        trajectory=rest(place.lower_qs[-1], duration),
+        trajectory=rest(q, release_m / FINGER_SPEED_M_S + SETTLE_S),
         opening_start_m=0.0,
-        opening_end_m=pick.release_m,
+        opening_end_m=release_m,
         force_n=MAX_FORCE_N,
         holding=False,
-        allowed_contacts=_FINGERS | place.placement.lower_contacts,
-        held_width_m=pick.held_width_m,
+        allowed_contacts=contacts,
+        held_width_m=held_width_m,
     )

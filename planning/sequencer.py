@@ -1,103 +1,47 @@
-"""From a task to its end: perceive, plan, execute; where no hang can be planned, reorient first."""
+"""From a task to its end: perceive, plan, handle; where no hang can be planned, reorient first."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from planning.executor import ExecutionResult, Executor
+from planning.attempts import Attempt, AttemptLimits, Perception, PoseSets, SequenceResult
+from planning.executor import Executor
+from planning.handling import Handler
 from planning.planner import Planner
 from planning.problem import Plan, PlanFailure, PlanningProblem, Stage, Subgoal
 from split_drake.layout import Layout
-from split_drake.pose_set import PoseSet, PoseTask
+from split_drake.pose_set import PoseTask
+from split_drake.poses import Array, invert_pose
 from split_drake.scene import EmptySceneError, Scene
 
-PoseSets = Mapping[PoseTask, PoseSet]
 Perceive = Callable[[Sequence[PoseTask]], tuple[Scene, PoseSets]]
 
-# How often an object is stood upright before hanging it is given up.
-MAX_REORIENTATIONS = 1
-
-
-@dataclass(frozen=True)
-class Perception:
-    """What was seen at one moment.
-
-    Attributes:
-        scene: the cloud and its views.
-        pose_sets: found in it.
-        duration_s: wall time that it took.
-    """
-
-    scene: Scene
-    pose_sets: PoseSets
-    duration_s: float
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """One subgoal, planned and, where there is a plan, executed.
-
-    Attributes:
-        subgoal: that was tried.
-        perception: that it was planned from; two attempts may share one.
-        outcome: the plan, or why there is none.
-        execution: how the plan went; None where there is none.
-        planning_s, execution_s: wall time.
-    """
-
-    subgoal: Subgoal
-    perception: Perception
-    outcome: Plan | PlanFailure
-    execution: ExecutionResult | None
-    planning_s: float
-    execution_s: float
-
-
-@dataclass(frozen=True)
-class SequenceResult:
-    """All attempts at a task.
-
-    Attributes:
-        attempts: in their order.
-        stage: where the task failed; None where the last plan was executed to its end, which says
-            nothing yet about whether the object is where it should be.
-        reason: of the failure; empty where there is none.
-        perception_s: wall time of all perceptions.
-    """
-
-    attempts: tuple[Attempt, ...]
-    stage: Stage | None
-    reason: str
-    perception_s: float
-
-    @property
-    def completed(self) -> bool:
-        return self.stage is None
-
-    @property
-    def planning_s(self) -> float:
-        return sum(attempt.planning_s for attempt in self.attempts)
-
-    @property
-    def execution_s(self) -> float:
-        return sum(attempt.execution_s for attempt in self.attempts)
+# An object that was stood upright is taken to stand where it is seen tilted by no more than this.
+STANDING_TILT_RAD = np.radians(15.0)
 
 
 class Sequencer:
-    """Reaches a task by one plan, or by standing the object upright first.
+    """Reaches a task by one plan or by several, standing the object upright first where it must.
 
     Args:
         planner: for every subgoal.
         perceive: looks at the workspace and detects the given tasks' pose sets.
         executor: of plans.
         layout: of the static station.
+        limits: how much is tried.
     """
 
     def __init__(
-        self, planner: Planner, perceive: Perceive, executor: Executor, layout: Layout | None = None
+        self,
+        planner: Planner,
+        perceive: Perceive,
+        executor: Executor,
+        layout: Layout | None = None,
+        limits: AttemptLimits | None = None,
     ) -> None:
+        self.limits = limits or AttemptLimits()
         self._planner = planner
         self._perceive = perceive
         self._executor = executor
@@ -117,25 +61,29 @@ class Sequencer:
         scene, pose_sets = self._perceive(tasks)
         return Perception(scene, pose_sets, time.monotonic() - started)
 
-    def attempt(
-        self, subgoal: Subgoal, perception: Perception, rng: np.random.Generator
-    ) -> Attempt:
-        """Plan a subgoal and execute the plan."""
+    def plan(
+        self,
+        subgoal: Subgoal,
+        perception: Perception,
+        X_WGfailed: Array,
+        rng: np.random.Generator,
+    ) -> tuple[Plan | PlanFailure, float]:
+        """Plan a subgoal, without grasps that failed (F, 4, 4); return it and the time."""
         problem = PlanningProblem(
             subgoal,
             perception.pose_sets,
             perception.scene.p_WPs,
             self._executor.robot.q,
             self._layout,
+            X_WGfailed=X_WGfailed,
         )
         started = time.monotonic()
         outcome = self._planner.plan(problem, rng)
-        planned = time.monotonic()
-        execution = self._executor.run(outcome) if isinstance(outcome, Plan) else None
-        executed = time.monotonic()
-        return Attempt(
-            subgoal, perception, outcome, execution, planned - started, executed - planned
-        )
+        return outcome, time.monotonic() - started
+
+    def handler(self) -> Handler:
+        """Return what executes this sequencer's plans."""
+        return Handler(self._planner, self._executor, self._layout, self.limits)
 
 
 class _Run:
@@ -143,50 +91,92 @@ class _Run:
 
     def __init__(self, sequencer: Sequencer, task: Subgoal, rng: np.random.Generator) -> None:
         self._sequencer = sequencer
+        self._limits = sequencer.limits
         self._task = task
         self._rng = rng
         self._attempts: list[Attempt] = []
+        self._X_UGfailed: list[Array] = []
         self._perception_s = 0.0
+        self._picks, self._reoriented = 0, 0
 
     def run(self) -> SequenceResult:
+        looks = 0
         while True:
             try:
-                perception = self._sequencer.look(self._task)
+                perception = self._look()
             except EmptySceneError as error:
                 return self._result(Stage.PERCEPTION, str(error))
-            self._perception_s += perception.duration_s
-            failure = self._try(self._task, perception)
-            if failure is None or not self._may_reorient():
-                return self._ended(failure)
-            no_upright = self._try(Subgoal.REORIENT, perception)
-            if no_upright is not None:
-                reason = f"hang: {failure.reason}; reorient: {no_upright.reason}"
-                return self._result(no_upright.stage, reason)
-            if not self._last_execution().completed:
-                return self._ended(None)
+            if self._stands(perception):
+                return self._result(None, "")
+            planned = self._plan(perception)
+            if isinstance(planned, PlanFailure):
+                looks += 1
+                if looks >= self._limits.looks:
+                    return self._result(planned.stage, planned.reason)
+                continue
+            looks = 0
+            end = self._handle(perception, *planned)
+            if end is not None:
+                return end
 
-    def _try(self, subgoal: Subgoal, perception: Perception) -> PlanFailure | None:
-        """Plan and execute a subgoal; return why there is no plan, or None where there was one."""
-        attempt = self._sequencer.attempt(subgoal, perception, self._rng)
-        self._attempts.append(attempt)
-        return attempt.outcome if isinstance(attempt.outcome, PlanFailure) else None
+    def _look(self) -> Perception:
+        perception = self._sequencer.look(self._task)
+        self._perception_s += perception.duration_s
+        return perception
 
-    def _may_reorient(self) -> bool:
-        done = sum(attempt.subgoal is Subgoal.REORIENT for attempt in self._attempts)
-        return self._task is Subgoal.HANG and done < MAX_REORIENTATIONS
+    def _stands(self, perception: Perception) -> bool:
+        """Return whether the task was to stand the object upright, and it was and seems to be.
 
-    def _last_execution(self) -> ExecutionResult:
-        execution = self._attempts[-1].execution
-        if execution is None:
-            raise RuntimeError("the last attempt was not executed")
-        return execution
+        After the last pick that is granted, it is taken to stand.
+        """
+        execution = self._attempts[-1].execution if self._attempts else None
+        if self._task is Subgoal.HANG or execution is None or not execution.completed:
+            return False
+        tilted = _X_WU(perception)[2, 2] < np.cos(STANDING_TILT_RAD)
+        return not tilted or self._picks >= self._limits.picks
 
-    def _ended(self, failure: PlanFailure | None) -> SequenceResult:
-        """Return the result of a task that ends with the last attempt."""
-        if failure is not None:
-            return self._result(failure.stage, failure.reason)
-        execution = self._last_execution()
-        return self._result(execution.stage, execution.reason)
+    def _plan(self, perception: Perception) -> tuple[Plan, float] | PlanFailure:
+        """Return a plan for the task, or else for a reorientation, and the time that it took."""
+        X_WGfailed = _X_WU(perception) @ np.reshape(self._X_UGfailed, (-1, 4, 4))
+        failures: dict[Subgoal, PlanFailure] = {}
+        for subgoal in self._subgoals():
+            outcome, took_s = self._sequencer.plan(subgoal, perception, X_WGfailed, self._rng)
+            if isinstance(outcome, Plan):
+                return outcome, took_s
+            self._attempts.append(Attempt(subgoal, perception, outcome, None, took_s, 0.0))
+            failures[subgoal] = outcome
+        reason = "; ".join(f"{subgoal}: {failure.reason}" for subgoal, failure in failures.items())
+        return replace(failures[subgoal], reason=reason)
+
+    def _subgoals(self) -> tuple[Subgoal, ...]:
+        """Return what may be planned for, in order of preference."""
+        if self._task is Subgoal.HANG and self._reoriented < self._limits.reorientations:
+            return (Subgoal.HANG, Subgoal.REORIENT)
+        return (self._task,)
+
+    def _handle(
+        self, perception: Perception, plan: Plan, planning_s: float
+    ) -> SequenceResult | None:
+        """Execute a plan; return how the task ended, or None where it is to be gone on with."""
+        handled = self._sequencer.handler().run(plan, perception, planning_s, self._rng)
+        self._attempts.extend(handled.attempts)
+        self._picks += 1
+        stage, reason = handled.attempts[-1].failure
+        if stage is None:
+            if plan.subgoal is Subgoal.HANG:
+                return self._result(None, "")
+            self._reoriented += 1
+            return None
+        self._X_UGfailed.append(invert_pose(_X_WU(perception)) @ plan.X_WGrasp)
+        if handled.home and self._picks < self._limits.picks:
+            return None
+        return self._result(stage, reason)
 
     def _result(self, stage: Stage | None, reason: str) -> SequenceResult:
         return SequenceResult(tuple(self._attempts), stage, reason, self._perception_s)
+
+
+def _X_WU(perception: Perception) -> Array:
+    """Return the best upright pose (4, 4), which failed grasps move with; W's if there is none."""
+    poses = perception.pose_sets[PoseTask.UPRIGHT]
+    return poses.X_WPs[0] if len(poses) else np.eye(4)

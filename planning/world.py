@@ -21,7 +21,7 @@ from split_drake.fixtures import add_hook, add_table
 from split_drake.gripper import PALM, Box, finger_boxes
 from split_drake.layout import Layout
 from split_drake.panda import add_panda, panda_positions
-from split_drake.poses import Array, invert_pose
+from split_drake.poses import Array, invert_pose, transform_points
 
 # Joint motions are checked at steps of this size.
 EDGE_STEP_RAD = 0.02
@@ -29,6 +29,8 @@ SPARSE_STEP = 6
 # Each perceived point stands for a sphere of this radius: half the diagonal of the cloud's voxels
 # within the surface.
 POINT_RADIUS_M = 0.006
+# Held points that are nearer than by this much to touching the palm count as touching it.
+TOLERATED_M = 0.001
 # The robot stays this far from the hook.
 HOOK_MARGIN_M = 0.004
 
@@ -118,6 +120,15 @@ class CollisionWorld:
                 touching &= ~_required(situation.peg_exempt)
             free &= ~touching.any(axis=1)
         return free
+
+
+def clear_of_palm(X_WG: Array, p_WPs: Array) -> BoolArray:
+    """Return (N,): which points (N, 3) of an object are off the palm of a hand at X_WG (4, 4).
+
+    A held object may have come so close while it was taken.
+    """
+    p_GPs = transform_points(invert_pose(X_WG), p_WPs)
+    return np.asarray(distance_to_box(p_GPs, PALM) > POINT_RADIUS_M + TOLERATED_M)
 
 
 def same_fixtures(one: Layout, other: Layout) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from planning.attempts import Attempt, SequenceResult
 from planning.executor import Executor
 from planning.planner import Planner
 from planning.problem import (
@@ -20,7 +21,7 @@ from planning.problem import (
     Stage,
     Subgoal,
 )
-from planning.sequencer import Attempt, Sequencer, SequenceResult
+from planning.sequencer import Sequencer
 from scenarios.limit_log import LimitLog
 from scenarios.provenance import peak_memory_bytes
 from scenarios.recording import TrialRecorder
@@ -173,17 +174,22 @@ class _Trial:
 
 def _attempt_record(attempt: Attempt) -> dict[str, Any]:
     """Return what a record keeps of one planned and executed subgoal."""
-    outcome, execution = attempt.outcome, attempt.execution
+    stage, reason = attempt.failure
     record: dict[str, Any] = {
         "subgoal": str(attempt.subgoal),
+        "stage": str(stage or SUCCESS),
+        "reason": reason,
+        "recovery": attempt.recovery,
         "poses": {str(task): len(found) for task, found in attempt.perception.pose_sets.items()},
         "planning_s": round(attempt.planning_s, 3),
-        "search": dict(outcome.statistics),
+        "search": dict(attempt.outcome.statistics),
     }
-    if isinstance(outcome, PlanFailure):
-        return record | {"stage": str(outcome.stage), "reason": outcome.reason}
-    if execution is not None:
-        record["segments"] = [asdict(log) for log in execution.logs]
-        record["stage"] = str(execution.stage or SUCCESS)
-        record["reason"] = execution.reason
+    if attempt.execution is not None:
+        record["segments"] = [asdict(log) for log in attempt.execution.logs]
+    if attempt.held is not None:
+        record["held"] = {
+            "shift_m": attempt.held.shift_m,
+            "turn_rad": attempt.held.turn_rad,
+            "rejected": attempt.held.rejected,
+        }
     return record

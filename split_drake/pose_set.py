@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from split_drake.files import replacing
 from split_drake.poses import Array, check_poses
@@ -62,6 +63,14 @@ class PoseSet:
     def head(self, count: int) -> Self:
         """Return the best `count` poses (all of them where there are fewer)."""
         return type(self)(self.task, self.X_WPs[:count], self.scores[:count])
+
+    def subset(self, kept: NDArray[np.bool_]) -> Self:
+        """Return the poses that `kept` (N,) marks."""
+        return type(self)(self.task, self.X_WPs[kept], self.scores[kept])
+
+    def moved(self, X_WMoved: Array) -> Self:
+        """Return the set after everything has moved by X_WMoved (4, 4), given in W."""
+        return type(self)(self.task, X_WMoved @ self.X_WPs, self.scores)
 
 
 class PoseDetector(Protocol):

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from helpers_planning import LYING, UPRIGHT, mug_problem
 
-from planning.executor import CONTACT_FORCE_N, Executor, gripper_force
+from planning.executor import Executor, gripper_force
+from planning.faults import CONTACT_FORCE_N
 from planning.kinematics import gripper_jacobian, gripper_pose
 from planning.planner import make_planner
 from planning.problem import (
@@ -21,6 +22,7 @@ from planning.problem import (
 )
 from planning.sequencer import Sequencer
 from planning.timing import SAMPLE_S
+from split_drake.camera import DepthView
 from split_drake.panda import Q_HOME
 from split_drake.pose_set import PoseSet, PoseTask
 from split_drake.poses import Array
@@ -57,6 +59,9 @@ class PerfectRobot:
     def advance(self, duration_s: float) -> None:
         self.time_s += duration_s
 
+    def capture(self) -> tuple[DepthView, ...]:
+        return ()
+
 
 @pytest.fixture(scope="module")
 def plan() -> Plan:
@@ -69,7 +74,7 @@ def plan() -> Plan:
 
 def test_a_plan_runs_to_its_end_in_real_time(plan: Plan) -> None:
     robot, steps = PerfectRobot(), list[Segment]()
-    result = Executor(robot, steps.append).run(plan)
+    result = Executor(robot, steps.append).run(plan.segments)
     assert result.completed and result.stage is None and result.reason == ""
     assert [log.name for log in result.logs] == [segment.name for segment in plan.segments]
     assert robot.time_s == pytest.approx(len(steps) * SAMPLE_S)
@@ -86,13 +91,13 @@ def test_the_time_since_release_counts_what_follows_opening(plan: Plan) -> None:
         if segment.name is SegmentName.OPEN:
             opened_s = robot.time_s
 
-    result = Executor(robot, watch).run(plan)
+    result = Executor(robot, watch).run(plan.segments)
     assert opened_s > 0.0
     assert result.since_release_s == pytest.approx(robot.time_s - opened_s, abs=1e-9)
 
 
 def test_an_empty_hand_ends_the_execution(plan: Plan) -> None:
-    result = Executor(PerfectRobot(object_m=0.0)).run(plan)
+    result = Executor(PerfectRobot(object_m=0.0)).run(plan.segments)
     assert not result.completed
     assert result.stage is Stage.GRASP
     assert result.logs[-1].name is SegmentName.CLOSE
@@ -115,7 +120,7 @@ def test_a_lost_object_fails_the_stage_it_was_lost_in(
     names = [segment.name for segment in plan.segments]
     before = plan.segments[: names.index(name)]
     begins_s = SAMPLE_S * sum(len(segment.trajectory.times_s) for segment in before)
-    result = Executor(PerfectRobot(lost_s=begins_s + 0.05)).run(plan)
+    result = Executor(PerfectRobot(lost_s=begins_s + 0.05)).run(plan.segments)
     assert not result.completed
     assert result.logs[-1].name is name
     assert result.stage is stage
@@ -132,7 +137,7 @@ def test_lowering_stops_on_contact_and_keeps_the_height_while_letting_go(plan: P
     def watch(segment: Segment) -> None:
         reached.setdefault(segment.name, []).append(gripper_pose(robot.q)[2, 3])
 
-    result = Executor(robot, watch).run(plan)
+    result = Executor(robot, watch).run(plan.segments)
     assert result.completed
     assert result.duration_s == pytest.approx(robot.time_s, abs=1e-9)
     stopped = [log.stopped_by_contact for log in result.logs]

@@ -1,0 +1,73 @@
+"""What the robot itself notices to have gone wrong while it handles an object."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from planning.problem import Segment, SegmentName, Stage
+
+# Fingers closed further than this hold nothing.
+EMPTY_OPENING_M = 0.001
+# A held object whose width between the pads changes by more than this has slipped or turned.
+SLIP_M = 0.003
+# A change of the force at the gripper, against the segment's start, that counts as contact: a few
+# newtons, below the weight of the lightest mug plus what pressing it down by a millimetre adds.
+CONTACT_FORCE_N = 4.0
+# One that counts as an obstacle on the way in: the arm's own inertia makes up to 25 N.
+BLOCKING_FORCE_N = 35.0
+# What failed where the hand turns out to be empty after a segment.
+LOSS_STAGES = {
+    SegmentName.CLOSE: Stage.GRASP,
+    SegmentName.LIFT: Stage.GRASP,
+    SegmentName.TRANSFER: Stage.TRANSPORT,
+    SegmentName.INSERT: Stage.PLACEMENT,
+}
+
+
+class Fault(StrEnum):
+    """What can go wrong in a segment; after all but EMPTY the object is still in the hand."""
+
+    EMPTY = "empty"
+    SLIPPED = "slipped"
+    BLOCKED = "blocked"
+
+
+@dataclass(frozen=True)
+class FoundFault:
+    """A fault, the stage that failed by it, and the reason in words."""
+
+    fault: Fault
+    stage: Stage
+    reason: str
+
+
+def force_limit_n(segment: Segment) -> float:
+    """Return the change of the force at the gripper at which the segment is to stop."""
+    if segment.stop_on_contact:
+        return CONTACT_FORCE_N
+    return BLOCKING_FORCE_N if segment.name is SegmentName.INSERT else float("inf")
+
+
+def find_fault(
+    segment: Segment, stopped: bool, opening_before_m: float, opening_m: float
+) -> FoundFault | None:
+    """Return what went wrong in a segment, or None.
+
+    Args:
+        segment: just executed.
+        stopped: whether it ended early, at its force limit.
+        opening_before_m, opening_m: measured distance between the pads at its start and end.
+    """
+    name = segment.name
+    if name in LOSS_STAGES and opening_m < EMPTY_OPENING_M:
+        reason = f"the hand is empty after {name}: its opening is {1e3 * opening_m:.1f} mm"
+        return FoundFault(Fault.EMPTY, LOSS_STAGES[name], reason)
+    if name not in (SegmentName.TRANSFER, SegmentName.INSERT) or segment.stop_on_contact:
+        return None
+    if stopped:
+        reason = f"something is in the way of {name}: more than {BLOCKING_FORCE_N:g} N"
+        return FoundFault(Fault.BLOCKED, LOSS_STAGES[name], reason)
+    if abs(opening_m - opening_before_m) > SLIP_M:
+        change = f"{1e3 * opening_before_m:.1f} mm to {1e3 * opening_m:.1f} mm"
+        reason = f"the object slipped during {name}: the opening went from {change}"
+        return FoundFault(Fault.SLIPPED, LOSS_STAGES[name], reason)
+    return None

@@ -1,0 +1,199 @@
+"""One pick with feedback: what is in the hand is looked at, and placed as it lies there."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planning.attempts import Attempt, AttemptLimits, Perception
+from planning.executor import ExecutionResult, Executor
+from planning.faults import Fault
+from planning.held_view import HeldView, view_held
+from planning.kinematics import gripper_pose
+from planning.planner import Planner
+from planning.problem import Plan, PlanFailure, PlanningProblem, Segment
+from planning.recovery import Recovery
+from split_drake.layout import Layout
+from split_drake.poses import Array, invert_pose, rotation_error_rad, transform_points
+
+# A plan is kept while the frame that it places has moved in the hand by no more than this.
+KEPT_SHIFT_M = 0.003
+KEPT_TURN_RAD = np.radians(3.0)
+
+_NOTHING = ExecutionResult(True, ())
+
+
+@dataclass(frozen=True)
+class Handled:
+    """What became of one pick.
+
+    Attributes:
+        attempts: in their order; the last one says how it ended.
+        home: where that has failed, whether the robot is at home again with an empty hand.
+    """
+
+    attempts: tuple[Attempt, ...]
+    home: bool
+
+
+@dataclass(frozen=True)
+class Handler:
+    """Takes objects by plans, and places them by these or, where they fit no longer, by others.
+
+    Attributes:
+        planner: of what remains to be done with an object in the hand.
+        executor: of the segments.
+        layout: of the static station.
+        limits: how much is tried.
+    """
+
+    planner: Planner
+    executor: Executor
+    layout: Layout
+    limits: AttemptLimits
+
+    def run(
+        self, plan: Plan, perception: Perception, planning_s: float, rng: np.random.Generator
+    ) -> Handled:
+        """Execute a plan that was made from a perception in `planning_s`."""
+        return _Handling(self, plan, perception, planning_s, rng).run()
+
+
+class _Handling:
+    """The state of one pick and of what follows it.
+
+    E is the gripper's frame relative to the object where it was to be taken, as in `HeldView`.
+    """
+
+    def __init__(
+        self,
+        handler: Handler,
+        plan: Plan,
+        perception: Perception,
+        planning_s: float,
+        rng: np.random.Generator,
+    ) -> None:
+        self._handler = handler
+        self._executor = handler.executor
+        self._recovery = Recovery(handler.executor, handler.layout)
+        self._taking, self._plan = plan, plan
+        self._perception = perception
+        self._rng = rng
+        self._planning_s, self._begun = planning_s, time.monotonic()
+        self._X_GEplanned = np.eye(4)
+        self._held: HeldView | None = None
+        self._X_WGfailed: list[Array] = []
+        self._attempts: list[Attempt] = []
+
+    def run(self) -> Handled:
+        done = self._executor.run(self._plan.pick)
+        if not done.completed:
+            return self._lost(self._plan.pick, done, done)
+        while True:
+            self._held = held = self._look()
+            if self._X_WGfailed or self._moved(held):
+                if done.logs:
+                    self._note(self._plan, done)
+                done = _NOTHING
+                if not self._replan(held):
+                    return self._put_down()
+            placed = self._executor.run(self._plan.place)
+            whole, done = replace(placed, logs=done.logs + placed.logs), _NOTHING
+            if placed.fault is Fault.EMPTY:
+                return self._lost(self._plan.place, placed, whole)
+            self._note(self._plan, whole)
+            if placed.completed:
+                return Handled(tuple(self._attempts), home=False)
+            self._X_WGfailed.append(self._plan.X_WGplace)
+            if not self._recovery.back_out(self._plan.place, placed).completed:
+                return self._ended("the object was lost on the way back", self._go_home())
+            if len(self._X_WGfailed) >= self._handler.limits.placements:
+                return self._put_down()
+
+    def _look(self) -> HeldView:
+        """Measure how the object lies in the hand."""
+        robot = self._executor.robot
+        X_EW = invert_pose(self._taking.X_WGrasp)
+        return view_held(
+            robot.capture(),
+            robot.q,
+            robot.opening_m,
+            transform_points(X_EW, self._perception.scene.p_WPs),
+            self._handler.layout.workspace.lowest_z_m,
+            self._X_GEplanned,
+        )
+
+    def _moved(self, held: HeldView) -> bool:
+        """Return whether the object lies in the hand otherwise than the plan has it."""
+        X_EO = invert_pose(self._taking.X_WGrasp) @ self._taking.X_WObject
+        X_GOseen, X_GOplanned = held.X_GE @ X_EO, self._X_GEplanned @ X_EO
+        shift_m = np.linalg.norm(X_GOseen[:3, 3] - X_GOplanned[:3, 3])
+        turn_rad = rotation_error_rad(X_GOseen[:3, :3], X_GOplanned[:3, :3])
+        return bool(shift_m > KEPT_SHIFT_M or turn_rad > KEPT_TURN_RAD)
+
+    def _replan(self, held: HeldView) -> bool:
+        """Plan the rest from what was seen in the hand; note a failure and return False."""
+        started = time.monotonic()
+        outcome = self._handler.planner.plan(self._problem(held), self._rng)
+        self._planning_s, self._begun = time.monotonic() - started, time.monotonic()
+        if isinstance(outcome, PlanFailure):
+            self._note(outcome, None)
+            return False
+        self._plan, self._X_GEplanned = outcome, held.X_GE
+        return True
+
+    def _problem(self, held: HeldView) -> PlanningProblem:
+        """Return the problem of the object in the hand: all that was perceived, moved there."""
+        robot, perception = self._executor.robot, self._perception
+        X_WG = gripper_pose(robot.q)
+        X_WMoved = X_WG @ held.X_GE @ invert_pose(self._taking.X_WGrasp)
+        p_WPs = np.concatenate(
+            [
+                transform_points(X_WMoved, perception.scene.p_WPs),
+                transform_points(X_WG, held.p_GPs),
+            ]
+        )
+        return PlanningProblem(
+            subgoal=self._taking.subgoal,
+            pose_sets={task: s.moved(X_WMoved) for task, s in perception.pose_sets.items()},
+            p_WPs=p_WPs,
+            q_start=robot.q,
+            layout=self._handler.layout,
+            held_width_m=robot.opening_m,
+            X_WGfailed=np.reshape(self._X_WGfailed, (-1, 4, 4)),
+        )
+
+    def _lost(
+        self, segments: Sequence[Segment], execution: ExecutionResult, whole: ExecutionResult
+    ) -> Handled:
+        """Note an attempt that ended with an empty hand, and draw back."""
+        self._note(self._plan, whole)
+        self._recovery.withdraw(segments, execution)
+        return self._ended("drew back", self._go_home())
+
+    def _put_down(self) -> Handled:
+        self._recovery.put_down(self._taking)
+        return self._ended("put the object down", self._go_home())
+
+    def _go_home(self) -> bool:
+        return self._recovery.go_home(self._rng)
+
+    def _note(self, outcome: Plan | PlanFailure, execution: ExecutionResult | None) -> None:
+        """Add an attempt, with the time since the last one was added or planned."""
+        now = time.monotonic()
+        times = (self._planning_s, now - self._begun)
+        self._planning_s, self._begun = 0.0, now
+        subgoal = self._taking.subgoal
+        attempt = Attempt(subgoal, self._perception, outcome, execution, *times, self._held)
+        self._attempts.append(attempt)
+
+    def _ended(self, recovery: str, home: bool) -> Handled:
+        """Return the attempts, the last one with what was done after it."""
+        last = self._attempts[-1]
+        self._attempts[-1] = replace(
+            last,
+            execution_s=last.execution_s + time.monotonic() - self._begun,
+            recovery=recovery if home else f"{recovery}; no way home was found",
+        )
+        return Handled(tuple(self._attempts), home)

@@ -1,0 +1,150 @@
+"""Ways back after a failure: out of an insertion, down with the object, and home."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from planning.executor import ExecutionResult, Executor
+from planning.held_view import beside_robot
+from planning.kinematics import gripper_poses
+from planning.motion import free_motion
+from planning.perceived import OBSTACLE_VOXEL_M, voxel_centroids
+from planning.problem import AllowedContact, JointTrajectory, Plan, Segment, SegmentName
+from planning.segments import SegmentBuilder, opening_segment
+from planning.timing import CAREFUL, FEELING, FREE, LOADED, SAMPLE_S, Speed, time_path
+from planning.world import CollisionWorld, Situation
+from split_drake.gripper import MAX_OPENING_M
+from split_drake.layout import Layout
+from split_drake.panda import Q_HOME
+from split_drake.poses import Array
+
+# Below this height over where it was lifted from, an object is let down by feel.
+FEEL_BELOW_M = 0.02
+# Paths are driven back through points this many samples apart.
+RETRACE_STRIDE = 5
+
+
+class Recovery:
+    """Leads the robot back after a failure, by what it did before and by what it sees now.
+
+    Args:
+        executor: of the segments.
+        layout: of the static station.
+    """
+
+    def __init__(self, executor: Executor, layout: Layout) -> None:
+        self._executor = executor
+        self._layout = layout
+
+    def back_out(self, segments: Sequence[Segment], execution: ExecutionResult) -> ExecutionResult:
+        """Carry the object back along the segments as far as they were executed."""
+        return self._executor.run(retraced(segments, execution))
+
+    def put_down(self, plan: Plan) -> None:
+        """Put the lifted object down where the plan took it, by feel, and draw back."""
+        self._executor.run(put_down_segments(plan))
+
+    def withdraw(self, segments: Sequence[Segment], execution: ExecutionResult) -> None:
+        """Draw the empty hand back from where it closed, or from the hook."""
+        self._executor.run(withdrawal(segments, execution))
+
+    def go_home(self, rng: np.random.Generator) -> bool:
+        """Move home around what the cameras show in the workspace; return whether there is a way.
+
+        The hand is expected to be empty.
+        """
+        robot = self._executor.robot
+        opening_m = float(np.clip(robot.opening_m, 0.0, MAX_OPENING_M))
+        workspace = self._layout.workspace
+        seen = beside_robot(robot.capture(), robot.q, opening_m, workspace.lowest_z_m)
+        seen = seen[workspace.contains(seen)]
+        obstacles = voxel_centroids(seen, OBSTACLE_VOXEL_M) if len(seen) else None
+        situation = Situation(opening_m, p_WStanding=obstacles)
+        path = free_motion(self._world, robot.q, Q_HOME, situation, rng)
+        if path is None:
+            return False
+        segment = SegmentBuilder(self._world).empty(SegmentName.TRANSIT, path, FREE, situation)
+        return self._executor.run([segment]).completed
+
+    @cached_property
+    def _world(self) -> CollisionWorld:
+        return CollisionWorld(self._layout)
+
+
+def retraced(segments: Sequence[Segment], execution: ExecutionResult) -> tuple[Segment, ...]:
+    """Return the segments of a loaded arm that lead back over what was executed, last first."""
+    executed = zip(segments, execution.logs, strict=False)
+    return tuple(
+        replace(
+            segment,
+            name=SegmentName.TRANSFER,
+            trajectory=_reversed_path(segment, log.duration_s, LOADED),
+            stop_on_contact=False,
+        )
+        for segment, log in reversed(list(executed))
+    )
+
+
+def withdrawal(segments: Sequence[Segment], execution: ExecutionResult) -> tuple[Segment, ...]:
+    """Return the segments of an empty hand back to the last approach's or insertion's start."""
+    way: list[Segment] = []
+    for segment, log in reversed(list(zip(segments, execution.logs, strict=False))):
+        if segment.name is SegmentName.CLOSE:
+            continue
+        if segment.name not in (SegmentName.APPROACH, SegmentName.INSERT):
+            break
+        way.append(
+            Segment(
+                name=SegmentName.RETREAT,
+                trajectory=_reversed_path(segment, log.duration_s, CAREFUL),
+                opening_start_m=0.0,
+                opening_end_m=0.0,
+                force_n=segment.force_n,
+                holding=False,
+                allowed_contacts=frozenset({AllowedContact.FINGERS_TARGET}),
+            )
+        )
+    return tuple(way)
+
+
+def put_down_segments(plan: Plan) -> tuple[Segment, ...]:
+    """Return the segments that undo the plan's lift and approach, the lift's last part by feel."""
+    by_name = {segment.name: segment for segment in plan.pick}
+    lift, approach = by_name[SegmentName.LIFT], by_name[SegmentName.APPROACH]
+    qs = lift.trajectory.qs[::-1]
+    heights = gripper_poses(qs)[:, 2, 3]
+    low = int(np.argmax(heights < heights[-1] + FEEL_BELOW_M))
+    touching = frozenset({AllowedContact.FINGERS_TARGET, AllowedContact.HELD_TABLE})
+    felt = replace(
+        lift,
+        name=SegmentName.INSERT,
+        trajectory=time_path(_thinned(qs[low:]), FEELING),
+        stop_on_contact=True,
+    )
+    back = replace(
+        approach,
+        name=SegmentName.RETREAT,
+        trajectory=_reversed_path(approach, approach.trajectory.duration_s + SAMPLE_S, CAREFUL),
+    )
+    release_m = approach.opening_end_m
+    down = (felt, opening_segment(qs[-1], release_m, lift.held_width_m, touching), back)
+    if low == 0:
+        return down
+    upper = replace(
+        lift, name=SegmentName.TRANSFER, trajectory=time_path(_thinned(qs[: low + 1]), CAREFUL)
+    )
+    return (upper, *down)
+
+
+def _reversed_path(segment: Segment, duration_s: float, speed: Speed) -> JointTrajectory:
+    """Return the way back over the first `duration_s` of a segment."""
+    count = max(2, round(duration_s / SAMPLE_S))
+    return time_path(_thinned(segment.trajectory.qs[:count][::-1]), speed)
+
+
+def _thinned(qs: Array) -> Array:
+    """Return every few points of a path (N, 7), its ends among them."""
+    kept = np.arange(0, len(qs), RETRACE_STRIDE)
+    return qs[kept] if kept[-1] == len(qs) - 1 else qs[np.append(kept, len(qs) - 1)]
