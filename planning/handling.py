@@ -148,16 +148,10 @@ class _Handling:
         robot, perception = self._executor.robot, self._perception
         X_WG = gripper_pose(robot.q)
         X_WMoved = X_WG @ held.X_GE @ invert_pose(self._taking.X_WGrasp)
-        p_WPs = np.concatenate(
-            [
-                transform_points(X_WMoved, perception.scene.p_WPs),
-                transform_points(X_WG, held.p_GPs),
-            ]
-        )
         return PlanningProblem(
             subgoal=self._taking.subgoal,
             pose_sets={task: s.moved(X_WMoved) for task, s in perception.pose_sets.items()},
-            p_WPs=p_WPs,
+            p_WPs=transform_points(X_WMoved, perception.scene.p_WPs),
             q_start=robot.q,
             layout=self._handler.layout,
             held_width_m=robot.opening_m,

@@ -46,12 +46,12 @@ class HeldView:
 
     Attributes:
         X_GE: (4, 4) the measured motion; the last one known where the measurement was rejected.
-        p_GPs: (N, 3) the object's points that were seen, metres in G; empty where rejected.
+        matched: share of what was seen around the hand that lies on the object.
         rejected: why the measurement does not count; empty where it does.
     """
 
     X_GE: Array
-    p_GPs: Array
+    matched: float = 0.0
     rejected: str = ""
 
     @property
@@ -97,7 +97,7 @@ def view_held(
     if found.matched < MIN_MATCHED or found.error_m > MAX_ERROR_M:
         quality = f"{found.matched:.0%} of it matches, {1e3 * found.error_m:.1f} mm off"
         return _rejected(expected, f"{quality}; expected {MIN_MATCHED:.0%}, {1e3 * MAX_ERROR_M} mm")
-    held = HeldView(found.X_AM @ start, p_GPs)
+    held = HeldView(found.X_AM @ start, found.matched)
     if held.shift_m > MAX_SHIFT_M or held.turn_rad > MAX_TURN_RAD:
         motion = f"{1e3 * held.shift_m:.0f} mm and {np.degrees(held.turn_rad):.0f} degrees"
         return _rejected(expected, f"it seems to have moved by {motion}")
@@ -105,7 +105,7 @@ def view_held(
 
 
 def _rejected(X_GE: Array, reason: str) -> HeldView:
-    return HeldView(X_GE, np.empty((0, 3)), reason)
+    return HeldView(X_GE, rejected=reason)
 
 
 def beside_robot(
