@@ -9,7 +9,7 @@ import numpy as np
 from planning.executor import ExecutionResult, Executor
 from planning.held_view import beside_robot
 from planning.kinematics import gripper_poses
-from planning.motion import free_motion
+from planning.motion import NoMotion, free_motion
 from planning.perceived import OBSTACLE_VOXEL_M, voxel_centroids
 from planning.problem import AllowedContact, JointTrajectory, Plan, Segment, SegmentName
 from planning.segments import SegmentBuilder, opening_segment
@@ -63,7 +63,7 @@ class Recovery:
         obstacles = voxel_centroids(seen, OBSTACLE_VOXEL_M) if len(seen) else None
         situation = Situation(opening_m, p_WStanding=obstacles)
         path = free_motion(self._world, robot.q, Q_HOME, situation, rng)
-        if path is None:
+        if isinstance(path, NoMotion):
             return False
         segment = SegmentBuilder(self._world).empty(SegmentName.TRANSIT, path, FREE, situation)
         return self._executor.run([segment]).completed
