@@ -7,6 +7,7 @@ as each trial ends), summary.json, recordings/*.html, poses/*.npz (each percepti
 """
 
 import json
+import math
 import os
 import time
 from dataclasses import asdict, dataclass
@@ -22,6 +23,7 @@ from planning.planner import planner_names
 from scenarios.mug_check import check_mugs
 from scenarios.mug_source import MugSource
 from scenarios.pool import WorkerPool
+from scenarios.pose_noise import PoseNoise
 from scenarios.provenance import file_sha256, git_commit, package_versions
 from scenarios.records import Rate, TrialRecord, read_records
 from scenarios.report import print_report, run_title, write_report
@@ -45,6 +47,8 @@ class MugHangOptions:
         planner: by name.
         checkpoint: weights of SPLIT; those that ship with the project where not given.
         noise_m: standard deviation of the noise on the sampled points.
+        pose_noise_mm, pose_noise_deg: standard deviations, along and about each axis, of Gaussian
+            noise on every pose of the oracle, drawn by the trial's seed.
         workers: processes; outcomes do not depend on them.
         record: which trials keep a recording and the pose sets they perceived.
         out: folder of the results; runs/mug_hang/<time> where not given.
@@ -58,6 +62,8 @@ class MugHangOptions:
     planner: str = "default"
     checkpoint: Path | None = None
     noise_m: float = 0.005
+    pose_noise_mm: float = 0.0
+    pose_noise_deg: float = 0.0
     workers: int = len(os.sched_getaffinity(0))
     record: Literal["all", "failures", "none"] = "all"
     out: Path | None = None
@@ -71,11 +77,25 @@ class MugHangOptions:
             raise ValueError(f"--workers is {self.workers}; expected at least 1")
         if self.noise_m < 0.0:
             raise ValueError(f"--noise-m is {self.noise_m}; expected metres >= 0")
+        for name in ("pose_noise_mm", "pose_noise_deg"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                flag = name.replace("_", "-")
+                raise ValueError(f"--{flag} is {getattr(self, name)}; expected 0 or more")
+        if self.pose_noise and self.detector != "oracle":
+            raise ValueError(
+                f"--pose-noise-mm and --pose-noise-deg go with --detector oracle, whose poses are "
+                f"true; --detector is {self.detector!r}"
+            )
         MugSource(self.mugs)
         if self.planner not in planner_names():
             raise ValueError(f"--planner is {self.planner!r}; expected one of {planner_names()}")
         if self.checkpoint is not None and not self.checkpoint.is_file():
             raise ValueError(f"--checkpoint: there is no file {self.checkpoint}")
+
+    @property
+    def pose_noise(self) -> PoseNoise:
+        """The noise on the oracle's poses, in SI units."""
+        return PoseNoise(1e-3 * self.pose_noise_mm, math.radians(self.pose_noise_deg))
 
 
 # What may differ when a run goes on: none of it changes an outcome.

@@ -12,6 +12,7 @@ from planning.planner import Planner, make_planner
 from planning.problem import Subgoal
 from scenarios.mug_check import read_grasps
 from scenarios.mug_source import MugSource
+from scenarios.pose_noise import NoisyDetector
 from scenarios.recording import FRAMES_PER_SECOND, TrialRecorder
 from scenarios.trial_spec import TrialSpec
 from split_drake.data.grasps import GraspLabels, sample_grasps
@@ -91,9 +92,10 @@ def make_detector(spec: TrialSpec, setup: Setup) -> PoseDetector:
     """Return the detector that a trial asks for."""
     if spec.detector == "split":
         return _split_detector(spec.checkpoint)
-    return OracleDetector(
+    oracle = OracleDetector(
         setup.truth, setup.mug, _grasp_labels(spec.mugs, setup.mug.body.name, spec.folder)
     )
+    return NoisyDetector(oracle, spec.pose_noise) if spec.pose_noise else oracle
 
 
 @lru_cache(maxsize=1)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Self
 
 from planning.problem import Subgoal
 from scenarios.mug_source import MugSource
+from scenarios.pose_noise import PoseNoise
 from split_drake.objects import MugShape
 from split_drake.station_config import StationConfig
 
@@ -26,6 +27,7 @@ class TrialSpec:
         folder: of the run.
         station: layout, contact and control.
         mass_kg: of every mug, where not its own.
+        pose_noise: on the poses of the oracle.
     """
 
     index: int
@@ -40,6 +42,7 @@ class TrialSpec:
     folder: Path
     station: StationConfig = field(default_factory=StationConfig)
     mass_kg: float | None = None
+    pose_noise: PoseNoise = field(default_factory=PoseNoise)
 
     @classmethod
     def of(cls, options: "MugHangOptions", index: int, folder: Path) -> Self:
@@ -55,6 +58,7 @@ class TrialSpec:
             noise_m=options.noise_m,
             record=options.record,
             folder=folder,
+            pose_noise=options.pose_noise,
         )
 
     def mug_names(self) -> tuple[str, ...]:
