@@ -20,6 +20,7 @@ LOSS_STAGES = {
     SegmentName.LIFT: Stage.GRASP,
     SegmentName.TRANSFER: Stage.TRANSPORT,
     SegmentName.INSERT: Stage.PLACEMENT,
+    SegmentName.BACK_OUT: Stage.PLACEMENT,
 }
 
 

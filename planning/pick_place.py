@@ -131,6 +131,8 @@ class _Search:
     def run(self, grasps: PoseSet, p_WSurface: Array) -> Plan | PlanFailure:
         """Return a plan with one of the grasps, fitted to the surface's points (M, 3)."""
         self._found, self._counts = {}, Counter()
+        self._picks.rejected.clear()
+        self._places.rejected.clear()
         untried = grasps.subset(away_from(grasps.X_WPs, self._problem.X_WGfailed, HALF_TURN))
         if not len(untried):
             return PlanFailure(Stage.PLANNING, "no grasp is left that is unlike those that failed")

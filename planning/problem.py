@@ -25,7 +25,7 @@ class Subgoal(StrEnum):
 
 
 class SegmentName(StrEnum):
-    """The segments of a pick and place, in their order; recoveries are made of the same ones."""
+    """The segments of a pick and place, in their order, and the way back with a held object."""
 
     TRANSIT = "transit"
     APPROACH = "approach"
@@ -35,6 +35,7 @@ class SegmentName(StrEnum):
     INSERT = "insert"
     OPEN = "open"
     RETREAT = "retreat"
+    BACK_OUT = "back out"
 
 
 class AllowedContact(StrEnum):

@@ -74,12 +74,15 @@ class Recovery:
 
 
 def retraced(segments: Sequence[Segment], execution: ExecutionResult) -> tuple[Segment, ...]:
-    """Return the segments of a loaded arm that lead back over what was executed, last first."""
+    """Return the segments of a loaded arm that lead back over what was executed, last first.
+
+    An object that slips on the way is carried on: only its loss ends them.
+    """
     executed = zip(segments, execution.logs, strict=False)
     return tuple(
         replace(
             segment,
-            name=SegmentName.TRANSFER,
+            name=SegmentName.BACK_OUT,
             trajectory=_reversed_path(segment, log.duration_s, LOADED),
             stop_on_contact=False,
         )
@@ -133,7 +136,7 @@ def put_down_segments(plan: Plan) -> tuple[Segment, ...]:
     if low == 0:
         return down
     upper = replace(
-        lift, name=SegmentName.TRANSFER, trajectory=time_path(_thinned(qs[: low + 1]), CAREFUL)
+        lift, name=SegmentName.BACK_OUT, trajectory=time_path(_thinned(qs[: low + 1]), CAREFUL)
     )
     return (upper, *down)
 

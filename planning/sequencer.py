@@ -105,7 +105,7 @@ class _Run:
             try:
                 perception = self._look()
             except EmptySceneError as error:
-                return self._result(Stage.PERCEPTION, str(error))
+                return self._gone(str(error))
             if self._stands(perception):
                 return self._result(None, "")
             planned = self._plan(perception)
@@ -118,6 +118,13 @@ class _Run:
             end = self._handle(perception, *planned)
             if end is not None:
                 return end
+
+    def _gone(self, reason: str) -> SequenceResult:
+        """Return the result of a task whose object is out of sight, by what made it so if known."""
+        stage, failed = self._attempts[-1].failure if self._attempts else (None, "")
+        return self._result(
+            stage or Stage.PERCEPTION, "; then ".join(filter(None, (failed, reason)))
+        )
 
     def _look(self) -> Perception:
         perception = self._sequencer.look(self._task)
@@ -145,6 +152,8 @@ class _Run:
                 return outcome, took_s
             self._attempts.append(Attempt(subgoal, perception, outcome, None, took_s, 0.0))
             failures[subgoal] = outcome
+        if len(failures) == 1:
+            return failures[subgoal]
         reason = "; ".join(f"{subgoal}: {failure.reason}" for subgoal, failure in failures.items())
         return replace(failures[subgoal], reason=reason)
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from planning.ik import solve_ik
 from planning.pick import Q_COMFORT
-from planning.problem import PlanningProblem, Subgoal
+from planning.planner import make_planner
+from planning.problem import Plan, PlanningProblem, Subgoal
 from planning.waypoints import HANDLE_FLIP
 from split_drake.panda import Q_HOME
 from split_drake.pose_set import PoseSet, PoseTask
@@ -91,3 +92,13 @@ def mug_problem(subgoal: Subgoal, X_WO: Array) -> PlanningProblem:
 def configuration(p_WG: tuple[float, float, float]) -> Array:
     """Return joint angles that point the gripper straight down at a place."""
     return solve_ik(make_pose(rotation_x(np.pi), p_WG)[None]).of(0, Q_COMFORT)[0]
+
+
+@cache
+def reorient_plan() -> Plan:
+    """Return a plan that takes the standing mug and stands it up elsewhere."""
+    problem = mug_problem(Subgoal.REORIENT, UPRIGHT)
+    found = make_planner("default").plan(problem, np.random.default_rng(0))
+    if not isinstance(found, Plan):
+        raise RuntimeError(f"the made-up mug's problem has no plan: {found.reason}")
+    return found

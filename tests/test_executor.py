@@ -1,75 +1,21 @@
-"""Execution and sequencing against a robot that follows its commands exactly."""
-
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+"""Execution against a robot that follows its commands exactly."""
 
 import numpy as np
 import pytest
-from helpers_planning import LYING, UPRIGHT, mug_problem
+from helpers_planning import reorient_plan
+from helpers_robot import PerfectRobot
 
 from planning.executor import Executor, gripper_force
-from planning.faults import CONTACT_FORCE_N
+from planning.faults import BLOCKING_FORCE_N, CONTACT_FORCE_N, Fault
 from planning.kinematics import gripper_jacobian, gripper_pose
-from planning.planner import make_planner
-from planning.problem import (
-    Plan,
-    PlanFailure,
-    PlanningProblem,
-    Segment,
-    SegmentName,
-    Stage,
-    Subgoal,
-)
-from planning.sequencer import Sequencer
+from planning.problem import Plan, Segment, SegmentName, Stage
 from planning.timing import SAMPLE_S
-from split_drake.camera import DepthView
 from split_drake.panda import Q_HOME
-from split_drake.pose_set import PoseSet, PoseTask
-from split_drake.poses import Array
-from split_drake.scene import EmptySceneError, Scene, Workspace
-
-
-@dataclass
-class PerfectRobot:
-    """Goes where it is told; its fingers stop at `object_m`, a floor at `floor_m` pushes back.
-
-    The object is lost at `lost_s`.
-    The floor acts on the gripper's origin, as a spring of 20 N/mm.
-    """
-
-    object_m: float = 0.004
-    lost_s: float = np.inf
-    floor_m: float = -np.inf
-    q: Array = field(default_factory=Q_HOME.copy)
-    opening_m: float = 0.08
-    time_s: float = 0.0
-
-    @property
-    def joint_torques_nm(self) -> Array:
-        depth = max(0.0, self.floor_m - gripper_pose(self.q)[2, 3])
-        return gripper_jacobian(self.q).T @ (0.0, 0.0, -20e3 * depth)
-
-    def command(self, q: Array, v: Array, opening_m: float, force_n: float) -> None:
-        assert q.shape == v.shape == (7,)
-        assert force_n > 0.0
-        self.q = q.copy()
-        held_m = self.object_m if self.time_s < self.lost_s else 0.0
-        self.opening_m = max(opening_m, held_m)
-
-    def advance(self, duration_s: float) -> None:
-        self.time_s += duration_s
-
-    def capture(self) -> tuple[DepthView, ...]:
-        return ()
 
 
 @pytest.fixture(scope="module")
 def plan() -> Plan:
-    found = make_planner("default").plan(
-        mug_problem(Subgoal.REORIENT, UPRIGHT), np.random.default_rng(0)
-    )
-    assert isinstance(found, Plan)
-    return found
+    return reorient_plan()
 
 
 def test_a_plan_runs_to_its_end_in_real_time(plan: Plan) -> None:
@@ -153,81 +99,28 @@ def test_the_force_at_the_gripper_is_recovered_from_torques() -> None:
     np.testing.assert_allclose(gripper_force(q, gripper_jacobian(q).T @ force), force)
 
 
-def scene_of(problem: PlanningProblem) -> Scene:
-    return Scene(problem.p_WPs, problem.p_WPs[:2000], Workspace())
-
-
-class Looks:
-    """Shows one problem after the other, and counts the tasks asked for."""
-
-    def __init__(self, *problems: PlanningProblem) -> None:
-        self._problems = list(problems)
-        self.asked: list[tuple[PoseTask, ...]] = []
-
-    def __call__(self, tasks: Sequence[PoseTask]) -> tuple[Scene, dict[PoseTask, PoseSet]]:
-        self.asked.append(tuple(tasks))
-        problem = self._problems.pop(0)
-        return scene_of(problem), {task: problem.pose_sets[task] for task in tasks}
-
-
-class FailingHang:
-    """Plans reorientations as usual and fails to hang until the object was reoriented."""
-
-    def __init__(self, failures: int) -> None:
-        self._failures = failures
-        self._planner = make_planner("default")
-
-    def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
-        if problem.subgoal is Subgoal.HANG and self._failures:
-            self._failures -= 1
-            return PlanFailure(Stage.PLANNING, "no")
-        return self._planner.plan(problem, rng)
-
-
-def test_hanging_falls_back_to_reorienting_and_looks_again() -> None:
-    looks = Looks(mug_problem(Subgoal.HANG, LYING), mug_problem(Subgoal.HANG, UPRIGHT))
-    sequencer = Sequencer(FailingHang(1), looks, Executor(PerfectRobot()))
-    result = sequencer.run(Subgoal.HANG, np.random.default_rng(0))
-    assert result.completed and result.reason == ""
-    subgoals = [attempt.subgoal for attempt in result.attempts]
-    assert subgoals == [Subgoal.HANG, Subgoal.REORIENT, Subgoal.HANG]
-    assert len(looks.asked) == 2
-    assert set(looks.asked[0]) == set(PoseTask)
-    assert result.attempts[0].execution is None
-    assert result.planning_s > 0.0 and result.execution_s > 0.0
-
-
-def test_attempts_are_bounded_and_the_reason_is_the_last() -> None:
-    looks = Looks(*[mug_problem(Subgoal.HANG, LYING)] * 3)
-    sequencer = Sequencer(FailingHang(9), looks, Executor(PerfectRobot()))
-    result = sequencer.run(Subgoal.HANG, np.random.default_rng(0))
+def test_an_insertion_stops_where_something_is_in_the_way(plan: Plan) -> None:
+    insertion = next(segment for segment in plan.segments if segment.name is SegmentName.INSERT)
+    heights = [gripper_pose(q)[2, 3] for q in insertion.trajectory.qs[[0, -1]]]
+    floor_m = 0.5 * (heights[0] + heights[1])
+    robot = PerfectRobot(floor_m=floor_m)
+    result = Executor(robot).run(plan.segments)
     assert not result.completed
-    assert result.stage is Stage.PLANNING and result.reason == "no"
-    assert len(result.attempts) == 3
+    assert (result.fault, result.stage) == (Fault.BLOCKED, Stage.PLACEMENT)
+    assert result.logs[-1].name is SegmentName.INSERT and result.logs[-1].stopped_by_contact
+    pressed_m = floor_m - gripper_pose(robot.q)[2, 3]
+    assert BLOCKING_FORCE_N / 20e3 < pressed_m < 0.005
+    assert result.logs[-1].force_n > BLOCKING_FORCE_N
 
 
-def test_reorienting_alone_is_one_attempt() -> None:
-    looks = Looks(mug_problem(Subgoal.REORIENT, LYING))
-    sequencer = Sequencer(make_planner("default"), looks, Executor(PerfectRobot()))
-    result = sequencer.run(Subgoal.REORIENT, np.random.default_rng(0))
-    assert result.completed
-    assert set(looks.asked[0]) == set(Subgoal.REORIENT.tasks)
+def test_a_slip_while_carrying_ends_the_execution(plan: Plan) -> None:
+    robot = PerfectRobot(object_m=0.010)
 
+    def slip(segment: Segment) -> None:
+        if segment.name is SegmentName.TRANSFER:
+            robot.object_m = 0.005
 
-def test_a_failed_grasp_is_the_sequences_failure() -> None:
-    looks = Looks(mug_problem(Subgoal.REORIENT, LYING))
-    executor = Executor(PerfectRobot(object_m=0.0))
-    result = Sequencer(make_planner("default"), looks, executor).run(
-        Subgoal.REORIENT, np.random.default_rng(0)
-    )
-    assert result.stage is Stage.GRASP and "empty" in result.reason
-
-
-def test_an_empty_scene_is_a_failure_of_perception() -> None:
-    def nothing(tasks: Sequence[PoseTask]) -> tuple[Scene, dict[PoseTask, PoseSet]]:
-        raise EmptySceneError("nothing there")
-
-    sequencer = Sequencer(make_planner("default"), nothing, Executor(PerfectRobot()))
-    result = sequencer.run(Subgoal.HANG, np.random.default_rng(0))
-    assert result.stage is Stage.PERCEPTION and result.reason == "nothing there"
-    assert result.attempts == ()
+    result = Executor(robot, slip).run(plan.segments)
+    assert (result.fault, result.stage) == (Fault.SLIPPED, Stage.TRANSPORT)
+    assert result.logs[-1].name is SegmentName.TRANSFER
+    assert "10.0 mm to 5.0 mm" in result.reason

@@ -1,0 +1,44 @@
+"""A robot that does exactly what it is told, for tests of execution that need no simulator."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from planning.kinematics import gripper_jacobian, gripper_pose
+from split_drake.camera import DepthView
+from split_drake.panda import Q_HOME
+from split_drake.poses import Array
+
+
+@dataclass
+class PerfectRobot:
+    """Goes where it is told; its fingers stop at `object_m`, a floor at `floor_m` pushes back.
+
+    The object is lost at `lost_s`.
+    The floor acts on the gripper's origin, as a spring of 20 N/mm.
+    """
+
+    object_m: float = 0.004
+    lost_s: float = np.inf
+    floor_m: float = -np.inf
+    q: Array = field(default_factory=Q_HOME.copy)
+    opening_m: float = 0.08
+    time_s: float = 0.0
+
+    @property
+    def joint_torques_nm(self) -> Array:
+        depth = max(0.0, self.floor_m - gripper_pose(self.q)[2, 3])
+        return gripper_jacobian(self.q).T @ (0.0, 0.0, -20e3 * depth)
+
+    def command(self, q: Array, v: Array, opening_m: float, force_n: float) -> None:
+        assert q.shape == v.shape == (7,)
+        assert force_n > 0.0
+        self.q = q.copy()
+        held_m = self.object_m if self.time_s < self.lost_s else 0.0
+        self.opening_m = max(opening_m, held_m)
+
+    def advance(self, duration_s: float) -> None:
+        self.time_s += duration_s
+
+    def capture(self) -> tuple[DepthView, ...]:
+        return ()
