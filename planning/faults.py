@@ -8,7 +8,7 @@ from planning.problem import Segment, SegmentName, Stage
 # Fingers closed further than this hold nothing.
 EMPTY_OPENING_M = 0.001
 # A held object whose width between the pads changes by more than this has slipped or turned.
-SLIP_M = 0.003
+SLIP_M = 0.002
 # A change of the force at the gripper, against the segment's start, that counts as contact: a few
 # newtons, below the weight of the lightest mug plus what pressing it down by a millimetre adds.
 CONTACT_FORCE_N = 4.0

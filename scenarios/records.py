@@ -28,7 +28,8 @@ class TrialRecord:
         mug_diameter_m: of its body.
         outcome: "success", or the stage that failed.
         reason: why, in words; empty on success.
-        attempts: one entry a pick: subgoal, stage and reason.
+        attempts: one entry for each plan, and for each failure to find one: subgoal, stage and
+            reason, what the robot did after it, and how the object was seen to lie in the hand.
         redraws: rejected starts, by reason.
         seconds: wall time by stage.
         simulated_s: time simulated from perception to verdict.
