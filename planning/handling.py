@@ -12,7 +12,7 @@ from planning.faults import Fault
 from planning.held_view import HeldView, view_held
 from planning.kinematics import gripper_pose
 from planning.planner import Planner
-from planning.problem import Plan, PlanFailure, PlanningProblem, Segment
+from planning.problem import Plan, PlanFailure, PlanningProblem, Segment, SegmentName
 from planning.recovery import Recovery
 from split_drake.layout import Layout
 from split_drake.poses import Array, invert_pose, rotation_error_rad, transform_points
@@ -148,6 +148,11 @@ class _Handling:
         outcome = self._handler.planner.plan(self._problem(held), self._rng)
         self._planning_s, self._begun = time.monotonic() - started, time.monotonic()
         if isinstance(outcome, Plan):
+            if outcome.pick:
+                raise ValueError(
+                    f"the plan for an object in the hand begins with {outcome.pick[0].name}; "
+                    f"expected {SegmentName.TRANSFER}"
+                )
             self._plan, self._X_GEplanned = outcome, held.X_GE
             return True
         bears = not self._failures and self._as_planned(held, BEARABLE_SHIFT_M, BEARABLE_TURN_RAD)

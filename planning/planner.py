@@ -13,7 +13,11 @@ class Planner(Protocol):
     """Turns a problem into a plan.  Seeded by `rng` alone: the same seed gives the same plan."""
 
     def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
-        """Return a plan, or the stage and reason why there is none."""
+        """Return a plan, or the stage and reason why there is none.
+
+        Where the object is in the hand already, `problem.held_width_m`, the plan begins with the
+        TRANSFER from `problem.q_start`.
+        """
         ...
 
 

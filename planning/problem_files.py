@@ -42,8 +42,15 @@ def compact(problem: PlanningProblem, max_poses: Mapping[PoseTask, int]) -> Plan
 def save_problems(path: Path, problems: Mapping[str, PlanningProblem]) -> None:
     """Write problems by their names, atomically.
 
-    Raises ValueError where a coordinate is beyond the 3.2 m that the format holds.
+    Raises ValueError where a coordinate is beyond the 3.2 m that the format holds, and for
+    problems in the midst of a task, of which it holds no trace.
     """
+    for name, problem in problems.items():
+        if problem.held_width_m is not None or len(problem.X_WGfailed):
+            raise ValueError(
+                f"problem {name!r} has an object in the hand or grasps that failed before; "
+                "expected the first problem of a task"
+            )
     arrays = _to_arrays(list(problems), list(problems.values()))
     arrays |= {"format": np.array(FORMAT), "sha256": np.array(_checksum(arrays))}
     with replacing(path) as temporary:

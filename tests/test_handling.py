@@ -221,3 +221,9 @@ def test_a_robot_that_finds_no_way_home_says_so(monkeypatch: pytest.MonkeyPatch)
     handled = handle(PerfectRobot(0.0), Placer())
     assert not handled.home
     assert handled.attempts[-1].recovery == "drew back; no way home was found"
+
+
+def test_a_plan_that_takes_what_is_in_the_hand_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    sees(monkeypatch, make_pose(p=(0.0, 0.0, 2.0 * KEPT_SHIFT_M)))
+    with pytest.raises(ValueError, match="begins with transit; expected transfer"):
+        handle(PerfectRobot(WIDTH_M), Placer(reorient_plan()))

@@ -73,6 +73,18 @@ def test_points_beyond_the_format_are_errors(tmp_path: Path) -> None:
         save_problems(tmp_path / "p.npz", {"far": far})
 
 
+@pytest.mark.parametrize(
+    "midway", [{"held_width_m": 0.005}, {"X_WGfailed": np.eye(4)[None]}], ids=["held", "failed"]
+)
+def test_problems_in_the_midst_of_a_task_are_refused(
+    midway: dict[str, object], tmp_path: Path
+) -> None:
+    problem = replace(problems()["hang"], **midway)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="'hang' has an object in the hand or grasps"):
+        save_problems(tmp_path / "p.npz", {"hang": problem})
+    assert not (tmp_path / "p.npz").exists()
+
+
 def test_a_file_with_another_content_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "p.npz"
     save_problems(path, problems())
