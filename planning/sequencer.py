@@ -18,7 +18,8 @@ from split_drake.scene import EmptySceneError, Scene
 
 Perceive = Callable[[Sequence[PoseTask]], tuple[Scene, PoseSets]]
 
-# An object that was stood upright is taken to stand where it is seen tilted by no more than this.
+# An object that was stood upright is taken to stand where it is seen tilted by no more than this:
+# some mugs lean on their handles for good.
 STANDING_TILT_RAD = np.radians(15.0)
 
 
