@@ -12,7 +12,7 @@ from planning.faults import Fault
 from planning.held_view import HeldView, view_held
 from planning.kinematics import gripper_pose
 from planning.planner import Planner
-from planning.problem import Plan, PlanFailure, PlanningProblem, Segment, SegmentName
+from planning.problem import Plan, PlanFailure, PlanningProblem, Segment, SegmentName, Stage
 from planning.recovery import Recovery
 from split_drake.layout import Layout
 from split_drake.poses import Array, invert_pose, rotation_error_rad, transform_points
@@ -111,7 +111,7 @@ class _Handling:
             if placed.completed:
                 return Handled(tuple(self._attempts), home=False)
             self._failures += 1
-            if placed.fault is Fault.BLOCKED:
+            if placed.stage is Stage.PLACEMENT:
                 self._X_WGblocked.append(self._plan.X_WGplace)
             if self._recovery.back_out(self._plan.place, placed).fault is Fault.EMPTY:
                 return self._ended("the object was lost on the way back", self._go_home())

@@ -173,17 +173,23 @@ def test_a_way_in_that_is_free_the_second_time_is_taken() -> None:
     np.testing.assert_allclose(robot.q, Q_HOME, atol=1e-6)
 
 
-def test_a_slip_leads_back_and_forbids_no_placement() -> None:
+@pytest.mark.parametrize(
+    ("name", "stage", "forbidden"),
+    [(SegmentName.TRANSFER, Stage.TRANSPORT, 0), (SegmentName.INSERT, Stage.PLACEMENT, 1)],
+)
+def test_a_slip_leads_back_and_forbids_the_placement_that_made_it(
+    name: SegmentName, stage: Stage, forbidden: int
+) -> None:
     robot, planner = PerfectRobot(WIDTH_M), Placer(placing())
 
     def slip(segment: Segment) -> None:
-        if segment.name is SegmentName.TRANSFER:
+        if segment.name is name:
             robot.object_m = 0.5 * WIDTH_M
 
     handled = handle(robot, planner, slip)
-    assert failures(handled) == [Stage.TRANSPORT, None]
+    assert failures(handled) == [stage, None]
     (problem,) = planner.asked
-    assert problem.X_WGfailed.shape == (0, 4, 4)
+    assert problem.X_WGfailed.shape == (forbidden, 4, 4)
     assert problem.held_width_m == pytest.approx(0.5 * WIDTH_M)
     np.testing.assert_allclose(
         problem.q_start, reorient_plan().place[0].trajectory.qs[0], atol=1e-6
