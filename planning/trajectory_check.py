@@ -63,11 +63,12 @@ class Violation:
 class TrajectoryChecker:
     """Checks plans for a layout.
 
-    Args:
+    Attributes:
         layout: of the static station.
     """
 
     def __init__(self, layout: Layout) -> None:
+        self.layout = layout
         builder = RobotDiagramBuilder(time_step=0.001)
         plant = builder.plant()
         self._panda = add_panda(plant)

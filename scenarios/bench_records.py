@@ -12,8 +12,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from planning.checked_planner import check_points
 from planning.layout_json import layout_from_json, layout_to_json
-from planning.perceived import voxel_centroids
 from planning.plan_measures import PlanMeasures, PlanMeter
 from planning.planner import Planner, make_planner
 from planning.problem import Plan, PlanFailure, PlanningProblem
@@ -25,8 +25,6 @@ SOLVED = "solved"
 # A plan that the independent checker refuses; a planner that raised.
 REFUSED = "refused by the checker"
 ERROR = "error"
-# Plans are checked against the perceived cloud, thinned to voxels of this edge.
-CHECK_VOXEL_M = 0.012
 
 
 @dataclass(frozen=True)
@@ -122,7 +120,7 @@ def run_planner(
         verdict = (outcome.stage.value, outcome.reason)
         return BenchRecord(problem_name, planner_name, *verdict, *seconds, search=search)
     checker, meter = _judges(layout_to_json(problem.layout))
-    points = voxel_centroids(problem.p_WPs, CHECK_VOXEL_M)
+    points = check_points(problem)
     violations = checker.violations(outcome, points)
     verdict = (SOLVED, "")
     if violations:

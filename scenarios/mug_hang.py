@@ -49,6 +49,8 @@ class MugHangOptions:
         noise_m: standard deviation of the noise on the sampled points.
         pose_noise_mm, pose_noise_deg: standard deviations, along and about each axis, of Gaussian
             noise on every pose of the oracle, drawn by the trial's seed.
+        check_plans: check every plan that is executed independently, see planning.trajectory_check;
+            counts as planning time.
         workers: processes; outcomes do not depend on them.
         record: which trials keep a recording and the pose sets they perceived.
         out: folder of the results; runs/mug_hang/<time> where not given.
@@ -65,6 +67,7 @@ class MugHangOptions:
     pose_noise_mm: float = 0.0
     pose_noise_deg: float = 0.0
     workers: int = len(os.sched_getaffinity(0))
+    check_plans: bool = False
     record: Literal["all", "failures", "none"] = "all"
     out: Path | None = None
 

@@ -2,10 +2,10 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from scipy.stats import binomtest
@@ -36,6 +36,8 @@ class TrialRecord:
         mesh_sha256: of the mug's mesh file; None for the mugs of the fixed splits.
         peaks: how near the robot came to its limits, see `limit_log.Peaks`.
         memory_bytes: the most that the worker has had resident so far.
+        violations: what the independent check found wrong with the trial's plans; None where they
+            were not checked.
         recording: path of the recording within the run's folder, if one was kept.
         traceback: of the exception that ended the trial, if one did.
     """
@@ -53,6 +55,7 @@ class TrialRecord:
     mesh_sha256: str | None = None
     peaks: dict[str, float] = field(default_factory=dict)
     memory_bytes: int = 0
+    violations: tuple[str, ...] | None = None
     recording: str | None = None
     traceback: str | None = None
 
@@ -69,6 +72,12 @@ class TrialRecord:
         """Return one line of JSON without a line break."""
         return json.dumps(asdict(self), separators=(",", ":"))
 
+    @classmethod
+    def from_fields(cls, fields: Mapping[str, Any]) -> Self:
+        """Return the record that a line of JSON holds."""
+        lists = {key: tuple(value) for key, value in fields.items() if isinstance(value, list)}
+        return cls(**{**fields, **lists})
+
 
 def mcnemar_exact(only_one: int, only_other: int) -> float:
     """Return the two-sided p of McNemar's exact test; 1 without discordant pairs."""
@@ -81,10 +90,7 @@ def read_records(path: Path) -> list[TrialRecord]:
 
     A last line that was cut off by a kill is left out; any other bad line raises ValueError.
     """
-    records = [
-        TrialRecord(**{**fields, "attempts": tuple(fields["attempts"])})
-        for fields in read_json_lines(path)
-    ]
+    records = [TrialRecord.from_fields(fields) for fields in read_json_lines(path)]
     return sorted(records, key=lambda record: record.index)
 
 

@@ -60,6 +60,8 @@ def summarize(
         "median_s": median_seconds(records),
         "limits_exceeded": {str(r.index): r.exceeded for r in records if r.exceeded},
         "worst_peaks": worst_peaks(records),
+        "plans_checked_in": sum(r.violations is not None for r in records),
+        "violations": {str(r.index): r.violations for r in records if r.violations},
         "wall_s": wall_s,
     }
 
@@ -80,6 +82,10 @@ def print_report(console: Console, records: Sequence[TrialRecord], title: str) -
             {record.index: " and ".join(record.exceeded) for record in records if record.exceeded},
         ),
         ("worst of all trials", worst_peaks(records)),
+        (
+            f"violations in the plans of {sum(r.violations is not None for r in records)} trials",
+            {record.index: "; ".join(record.violations) for record in records if record.violations},
+        ),
         ("median seconds", {k: f"{v:.2f}" for k, v in median_seconds(records).items()}),
     ):
         listed = ", ".join(f"{key} {value}" for key, value in figures.items())

@@ -28,6 +28,7 @@ class TrialSpec:
         station: layout, contact and control.
         mass_kg: of every mug, where not its own.
         pose_noise: on the poses of the oracle.
+        check_plans: as in MugHangOptions.
     """
 
     index: int
@@ -43,6 +44,7 @@ class TrialSpec:
     station: StationConfig = field(default_factory=StationConfig)
     mass_kg: float | None = None
     pose_noise: PoseNoise = field(default_factory=PoseNoise)
+    check_plans: bool = False
 
     @classmethod
     def of(cls, options: "MugHangOptions", index: int, folder: Path) -> Self:
@@ -59,6 +61,7 @@ class TrialSpec:
             record=options.record,
             folder=folder,
             pose_noise=options.pose_noise,
+            check_plans=options.check_plans,
         )
 
     def mug_names(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from planning.attempts import Attempt, SequenceResult
+from planning.checked_planner import CheckedPlanner
 from planning.executor import Executor
 from planning.planner import Planner
 from planning.problem import (
@@ -91,6 +92,7 @@ class _Trial:
         self._station, self._recorder = self.setup.station, self.setup.recorder
         self._detector = make_detector(spec, self.setup)
         self._limits = LimitLog(self._station, self.setup.truth)
+        self._checked: CheckedPlanner | None = None
         self._lifting = False
         self._perceived: list[tuple[Scene, dict[PoseTask, PoseSet]]] = []
 
@@ -122,15 +124,23 @@ class _Trial:
             simulated_s=self._station.time_s - started_s,
             peaks=self._limits.peaks.rounded(),
             memory_bytes=peak_memory_bytes(),
+            violations=self._violations(),
             recording=self._save_recording(verdict),
         )
 
     def _sequence(self) -> Sequencer:
-        planner = planner_named(self._spec.planner)
+        planner: Planner = planner_named(self._spec.planner)
+        if self._spec.check_plans:
+            planner = self._checked = CheckedPlanner(planner)
         if self._recorder:
             planner = _ShowingPlanner(planner, self._recorder)
         executor = Executor(self._station, on_step=self._on_step if self._recorder else None)
         return Sequencer(planner, self._perceive, executor, self._station.config.layout)
+
+    def _violations(self) -> tuple[str, ...] | None:
+        if self._checked is None:
+            return None
+        return tuple(f"{each.name}: {each.what}" for each in self._checked.violations)
 
     def _perceive(self, tasks: Sequence[PoseTask]) -> tuple[Scene, dict[PoseTask, PoseSet]]:
         layout = self._station.config.layout

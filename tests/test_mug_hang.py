@@ -33,11 +33,21 @@ def spec_of(folder: Path, **options: object) -> TrialSpec:
 def test_one_full_trial(
     detector: Literal["split", "oracle"], task: Literal["hang", "reorient"], tmp_path: Path
 ) -> None:
-    main(MugHangOptions(trials=1, detector=detector, task=task, workers=1, out=tmp_path))
+    main(
+        MugHangOptions(
+            trials=1,
+            detector=detector,
+            task=task,
+            check_plans=detector == "oracle",
+            workers=1,
+            out=tmp_path,
+        )
+    )
     (record,) = read_records(tmp_path / "trials.jsonl")
     assert record.traceback is None, record.traceback
     if detector == "oracle":
         assert record.succeeded, record.reason
+    assert record.violations == (() if detector == "oracle" else None)
     assert any("segments" in attempt for attempt in record.attempts), "no plan was executed"
     assert record.recording is not None
     page = tmp_path / record.recording

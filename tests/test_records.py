@@ -81,6 +81,17 @@ def test_summary_has_what_it_promises() -> None:
     assert summary["failures"] == {"grasp": 1}
 
 
+def test_checked_plans_are_counted_and_their_violations_told(tmp_path: Path) -> None:
+    checked = replace(GOOD, index=2, violations=())
+    colliding = replace(GOOD, index=3, violations=("transfer: hand and hook overlap",))
+    summary = summarize([GOOD, checked, colliding], CONFIG, wall_s=1.0)
+    assert summary["plans_checked_in"] == 2
+    assert summary["violations"] == {"3": ("transfer: hand and hook overlap",)}
+    path = tmp_path / "trials.jsonl"
+    path.write_text("".join(r.to_json() + "\n" for r in (GOOD, checked, colliding)))
+    assert read_records(path) == [GOOD, checked, colliding]
+
+
 def test_reports_of_nothing_are_valid(tmp_path: Path) -> None:
     write_report(tmp_path, [], CONFIG, wall_s=0.0)
     summary = json.loads((tmp_path / "summary.json").read_text())

@@ -5,15 +5,25 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_planning import UPRIGHT, mug_cloud, mug_problem
+from helpers_planning import UPRIGHT, mug_cloud, mug_problem, reorient_plan
 
+from planning.checked_planner import CheckedPlanner
 from planning.exemptions import MAX_TABLE_DEPTH_M, TABLE_LIFT_M
 from planning.ik import solve_ik
 from planning.kinematics import gripper_pose
 from planning.perceived import voxel_centroids
 from planning.pick import Q_COMFORT
 from planning.planner import make_planner
-from planning.problem import AllowedContact, Plan, Segment, SegmentName, Subgoal
+from planning.problem import (
+    AllowedContact,
+    Plan,
+    PlanFailure,
+    PlanningProblem,
+    Segment,
+    SegmentName,
+    Stage,
+    Subgoal,
+)
 from planning.timing import rest
 from planning.trajectory_check import STEP_RAD, TrajectoryChecker, fine_steps
 from split_drake.gripper import MAX_OPENING_M
@@ -25,15 +35,6 @@ from split_drake.poses import Array, make_pose, transform_points
 def hang_plan() -> Plan:
     plan = make_planner("default").plan(
         mug_problem(Subgoal.HANG, UPRIGHT), np.random.default_rng(0)
-    )
-    assert isinstance(plan, Plan)
-    return plan
-
-
-@cache
-def reorient_plan() -> Plan:
-    plan = make_planner("default").plan(
-        mug_problem(Subgoal.REORIENT, UPRIGHT), np.random.default_rng(0)
     )
     assert isinstance(plan, Plan)
     return plan
@@ -159,3 +160,23 @@ def test_steps_are_fine_and_reach_every_sample() -> None:
     fine = np.stack(list(fine_steps(qs)))
     assert np.abs(np.diff(fine, axis=0)).max() <= STEP_RAD + 1e-12
     np.testing.assert_allclose(fine[-1], qs[-1], atol=1e-6)
+
+
+class _Answers:
+    """A planner that gives the answers that it was made with, in turn."""
+
+    def __init__(self, *answers: Plan | PlanFailure) -> None:
+        self._answers = iter(answers)
+
+    def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
+        return next(self._answers)
+
+
+def test_a_checked_planner_collects_what_is_wrong_and_changes_nothing() -> None:
+    broken = changed(SegmentName.CLOSE, allowed_contacts=frozenset())
+    answers = (hang_plan(), PlanFailure(Stage.PLANNING, "no way"), broken)
+    planner, rng = CheckedPlanner(_Answers(*answers)), np.random.default_rng(0)
+    problem = mug_problem(Subgoal.HANG, UPRIGHT)
+    found = [len(planner.violations) for answer in answers if planner.plan(problem, rng) is answer]
+    assert found == [0, 0, 1]
+    assert planner.violations[0].name == SegmentName.CLOSE

@@ -141,7 +141,9 @@ def make_mesh(parameters: MugParameters) -> trimesh.Trimesh:
     if solid.genus() != 1:
         raise InvalidMugError(f"no single opening: the solid has genus {solid.genus()}")
     surface = solid.to_mesh64()
-    mesh = trimesh.Trimesh(surface.vert_properties[:, :3], surface.tri_verts, process=False)
+    # Copies: views would keep manifold3d's mesh alive, which it complains of at the program's end.
+    vertices, faces = np.array(surface.vert_properties[:, :3]), np.array(surface.tri_verts)
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
     if not mesh.is_watertight:
         raise InvalidMugError("leaking mesh: an edge has not exactly two faces")
     return mesh

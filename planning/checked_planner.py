@@ -1,0 +1,45 @@
+"""A planner whose plans are checked independently, for those who want to know and have the time."""
+
+import numpy as np
+
+from planning.perceived import voxel_centroids
+from planning.planner import Planner
+from planning.problem import Plan, PlanFailure, PlanningProblem
+from planning.trajectory_check import TrajectoryChecker, Violation
+from planning.world import same_fixtures
+
+# Plans are checked against the perceived cloud, thinned to voxels of this edge.
+CHECK_VOXEL_M = 0.012
+
+
+class CheckedPlanner:
+    """Plans as another planner does, and collects what the independent check finds wrong.
+
+    Attributes:
+        violations: of all plans so far.
+
+    Args:
+        planner: that plans.
+    """
+
+    def __init__(self, planner: Planner) -> None:
+        self.violations: list[Violation] = []
+        self._planner = planner
+        self._checker: TrajectoryChecker | None = None
+
+    def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
+        """Return the other planner's outcome, checked where it is a plan."""
+        outcome = self._planner.plan(problem, rng)
+        if isinstance(outcome, Plan):
+            self.violations += self._checker_of(problem).violations(outcome, check_points(problem))
+        return outcome
+
+    def _checker_of(self, problem: PlanningProblem) -> TrajectoryChecker:
+        if self._checker is None or not same_fixtures(problem.layout, self._checker.layout):
+            self._checker = TrajectoryChecker(problem.layout)
+        return self._checker
+
+
+def check_points(problem: PlanningProblem) -> np.ndarray:
+    """Return the points (N, 3) of the problem's object that its plans are checked against."""
+    return voxel_centroids(problem.p_WPs, CHECK_VOXEL_M)
