@@ -233,6 +233,7 @@ def test_a_run_can_start_from_a_checkpoint(options: TrainConfig) -> None:
     assert info.parent is not None
     assert info.parent["sha256"] == file_sha256(first)
     assert (info.parent["steps"], info.parent["dataset_hash"]) == (40, "post")
+    assert info.parent["parent"] is None
 
 
 def test_first_weights_are_checked_before_anything_is_written(options: TrainConfig) -> None:

@@ -39,8 +39,8 @@ class CheckpointInfo:
         steps, scenes: optimiser steps, and scenes seen in them.
         metrics: what it reached, by name.
         earlier_commits: of the sources that trained it before its run was interrupted and resumed.
-        parent: the checkpoint it started from: its sha256, commit, dataset_hash, steps and scenes;
-            None where it started from random weights.
+        parent: the checkpoint it started from: its sha256, commit, dataset_hash, steps, scenes and
+            parent; None where it started from random weights.
     """
 
     config: SplitConfig

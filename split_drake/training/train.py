@@ -118,6 +118,7 @@ def parent_record(path: Path, info: CheckpointInfo) -> dict[str, Any]:
         "dataset_hash": info.dataset_hash,
         "steps": info.steps,
         "scenes": info.scenes,
+        "parent": info.parent,
     }
 
 
