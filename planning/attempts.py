@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Self
 
 from planning.executor import ExecutionResult
 from planning.held_view import HeldView
@@ -17,10 +18,11 @@ class AttemptLimits:
     """How much is tried before a task is given up.
 
     Attributes:
-        picks: plans whose execution takes hold of the object; at least 1.
+        picks: how often the object is taken in vain; at least 1.
         placements: ways of placing that are tried out of one hand; at least 1.
         reorientations: how often an object is stood upright before hanging it is given up.
         looks: perceptions in a row from which no plan came.
+        held_views: whether what was lifted is looked at, and placed as it lies in the hand.
 
     Raises ValueError where one of them is too small.
     """
@@ -29,6 +31,12 @@ class AttemptLimits:
     placements: int = 3
     reorientations: int = 1
     looks: int = 2
+    held_views: bool = True
+
+    @classmethod
+    def without_feedback(cls) -> Self:
+        """Return limits under which plans are executed as they are, and nothing is tried twice."""
+        return cls(picks=1, placements=1, looks=1, held_views=False)
 
     def __post_init__(self) -> None:
         for name, least in (("picks", 1), ("placements", 1), ("reorientations", 0), ("looks", 1)):

@@ -119,7 +119,10 @@ class _Handling:
                 return self._put_down()
 
     def _look(self) -> HeldView:
-        """Measure how the object lies in the hand."""
+        """Measure how the object lies in the hand, where that is wanted."""
+        known = np.eye(4) if self._held is None else self._held.X_GE
+        if not self._handler.limits.held_views:
+            return HeldView(known, rejected="not looked at")
         robot = self._executor.robot
         X_EW = invert_pose(self._taking.X_WGrasp)
         return view_held(
@@ -128,7 +131,7 @@ class _Handling:
             robot.opening_m,
             transform_points(X_EW, self._perception.scene.p_WPs),
             self._handler.layout.workspace.lowest_z_m,
-            self._X_GEplanned,
+            known,
         )
 
     def _as_planned(self, held: HeldView, shift_m: float, turn_rad: float) -> bool:
@@ -144,15 +147,14 @@ class _Handling:
 
         Return whether there is a plan to go on with: a new one, or a bearable one.
         """
-        started = time.monotonic()
+        started = self._spend()
         outcome = self._handler.planner.plan(self._problem(held), self._rng)
-        self._planning_s, self._begun = time.monotonic() - started, time.monotonic()
+        self._begun = time.monotonic()
+        self._planning_s = self._begun - started
+        if isinstance(outcome, Plan) and outcome.pick:
+            begins = f"the plan for an object in the hand begins with {outcome.pick[0].name}"
+            outcome = PlanFailure(Stage.PLANNING, f"{begins}; expected {SegmentName.TRANSFER}")
         if isinstance(outcome, Plan):
-            if outcome.pick:
-                raise ValueError(
-                    f"the plan for an object in the hand begins with {outcome.pick[0].name}; "
-                    f"expected {SegmentName.TRANSFER}"
-                )
             self._plan, self._X_GEplanned = outcome, held.X_GE
             return True
         bears = not self._failures and self._as_planned(held, BEARABLE_SHIFT_M, BEARABLE_TURN_RAD)
@@ -200,12 +202,16 @@ class _Handling:
         attempt = Attempt(*of, outcome, execution, *times, self._held, recovery)
         self._attempts.append(attempt)
 
+    def _spend(self) -> float:
+        """Add the time since the last attempt was noted to that attempt; return what time it is."""
+        last, now = self._attempts[-1], time.monotonic()
+        self._attempts[-1] = replace(last, execution_s=last.execution_s + now - self._begun)
+        self._begun = now
+        return now
+
     def _ended(self, recovery: str, home: bool) -> Handled:
         """Return the attempts, the last one with what was done after it."""
-        last = self._attempts[-1]
-        self._attempts[-1] = replace(
-            last,
-            execution_s=last.execution_s + time.monotonic() - self._begun,
-            recovery=recovery if home else f"{recovery}; no way home was found",
-        )
+        self._spend()
+        recovery = recovery if home else f"{recovery}; no way home was found"
+        self._attempts[-1] = replace(self._attempts[-1], recovery=recovery)
         return Handled(tuple(self._attempts), home)

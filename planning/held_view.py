@@ -91,7 +91,7 @@ def view_held(
     p_GPs = voxel_centroids(seen[np.linalg.norm(seen, axis=1) < reach], SEEN_VOXEL_M)
     if len(p_GPs) < MIN_SEEN:
         return _rejected(expected, f"{len(p_GPs)} voxels were seen, expected {MIN_SEEN}")
-    pivots = np.stack([expected @ make_pose(rotation_y(angle)) for angle in PIVOTS_RAD])
+    pivots = np.stack([make_pose(rotation_y(angle)) @ expected for angle in PIVOTS_RAD])
     start = nearest_start(p_EMs, p_GPs, pivots)
     found = register(transform_points(start, p_EMs), p_GPs)
     if found.matched < MIN_MATCHED or found.error_m > MAX_ERROR_M:

@@ -80,9 +80,12 @@ class PickPlacePlanner:
         if isinstance(outcome, Plan) or X_WU is None:
             return outcome
         turned = search.run(turned_grasps(grasps, X_WU), target.p_WSurface)
+        counts = Counter(outcome.statistics)
+        counts.update(turned.statistics)
         if isinstance(turned, Plan):
-            return turned
-        return replace(turned, reason=f"{outcome.reason}; turned about the axis, {turned.reason}")
+            return replace(turned, statistics=dict(counts))
+        reason = f"{outcome.reason}; turned about the axis, {turned.reason}"
+        return replace(turned, reason=reason, statistics=dict(counts))
 
     def _world_of(self, layout: Layout) -> CollisionWorld:
         if self._world is None or not same_fixtures(layout, self._world.layout):
@@ -134,6 +137,8 @@ class _Search:
         self._picks.rejected.clear()
         self._places.rejected.clear()
         untried = grasps.subset(away_from(grasps.X_WPs, self._problem.X_WGfailed, HALF_TURN))
+        if not len(grasps):
+            return PlanFailure(Stage.PLANNING, "no grasp is in reach")
         if not len(untried):
             return PlanFailure(Stage.PLANNING, "no grasp is left that is unlike those that failed")
         self._X_WGs, self._fits, scores = self._candidates(untried, p_WSurface)
@@ -215,7 +220,9 @@ class _Search:
         """Return whether an object in the hand was let go in vain where it would be again."""
         if self._problem.held_width_m is None:
             return False
-        return not away_from(place.X_WG[None], self._problem.X_WGfailed).all()
+        failed = not away_from(place.X_WG[None], self._problem.X_WGfailed).all()
+        self._places.rejected["failed before"] += failed
+        return failed
 
     def _route(self, pick: Pick, place: Place) -> Route | None:
         """Return the motions between the straight lines, or None where one is missing."""
@@ -265,6 +272,9 @@ class _Search:
 
     def _reason(self) -> str:
         kind = "hook goals" if self._problem.subgoal is Subgoal.HANG else "upright goals"
+        if self._problem.held_width_m is not None:
+            rejected = _listed(self._places.rejected)
+            return f"none of {len(self._goals)} {kind} is feasible (rejected by: {rejected})"
         return (
             f"{len(self._found)} of {self._counts['grasps']} grasps feasible"
             f" (rejected by: {_listed(self._picks.rejected)}); {self._counts['pairs']} pairs with"

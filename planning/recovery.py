@@ -8,7 +8,6 @@ import numpy as np
 
 from planning.executor import ExecutionResult, Executor
 from planning.held_view import beside_robot
-from planning.kinematics import gripper_poses
 from planning.motion import NoMotion, free_motion
 from planning.perceived import OBSTACLE_VOXEL_M, voxel_centroids
 from planning.problem import AllowedContact, JointTrajectory, Plan, Segment, SegmentName
@@ -20,8 +19,6 @@ from split_drake.layout import Layout
 from split_drake.panda import Q_HOME
 from split_drake.poses import Array
 
-# Below this height over where it was lifted from, an object is let down by feel.
-FEEL_BELOW_M = 0.02
 # Paths are driven back through points this many samples apart.
 RETRACE_STRIDE = 5
 
@@ -113,17 +110,18 @@ def withdrawal(segments: Sequence[Segment], execution: ExecutionResult) -> tuple
 
 
 def put_down_segments(plan: Plan) -> tuple[Segment, ...]:
-    """Return the segments that undo the plan's lift and approach, the lift's last part by feel."""
+    """Return the segments that undo the plan's lift and approach.
+
+    All the way down by feel: an object that turned in the hand may hang lower than it lay.
+    """
     by_name = {segment.name: segment for segment in plan.pick}
     lift, approach = by_name[SegmentName.LIFT], by_name[SegmentName.APPROACH]
     qs = lift.trajectory.qs[::-1]
-    heights = gripper_poses(qs)[:, 2, 3]
-    low = int(np.argmax(heights < heights[-1] + FEEL_BELOW_M))
     touching = frozenset({AllowedContact.FINGERS_TARGET, AllowedContact.HELD_TABLE})
     felt = replace(
         lift,
         name=SegmentName.INSERT,
-        trajectory=time_path(_thinned(qs[low:]), FEELING),
+        trajectory=time_path(_thinned(qs), FEELING),
         stop_on_contact=True,
     )
     back = replace(
@@ -132,13 +130,7 @@ def put_down_segments(plan: Plan) -> tuple[Segment, ...]:
         trajectory=_reversed_path(approach, approach.trajectory.duration_s + SAMPLE_S, CAREFUL),
     )
     release_m = approach.opening_end_m
-    down = (felt, opening_segment(qs[-1], release_m, lift.held_width_m, touching), back)
-    if low == 0:
-        return down
-    upper = replace(
-        lift, name=SegmentName.BACK_OUT, trajectory=time_path(_thinned(qs[: low + 1]), CAREFUL)
-    )
-    return (upper, *down)
+    return (felt, opening_segment(qs[-1], release_m, lift.held_width_m, touching), back)
 
 
 def _reversed_path(segment: Segment, duration_s: float, speed: Speed) -> JointTrajectory:

@@ -80,6 +80,8 @@ class Sequencer:
         )
         started = time.monotonic()
         outcome = self._planner.plan(problem, rng)
+        if isinstance(outcome, Plan) and outcome.subgoal is not subgoal:
+            raise ValueError(f"a plan to {outcome.subgoal} was made where one to {subgoal} was due")
         return outcome, time.monotonic() - started
 
     def handler(self) -> Handler:
@@ -96,7 +98,7 @@ class _Run:
         self._task = task
         self._rng = rng
         self._attempts: list[Attempt] = []
-        self._X_UGfailed: list[Array] = []
+        self._failed: list[tuple[Array | None, Array]] = []
         self._perception_s = 0.0
         self._picks, self._reoriented = 0, 0
 
@@ -137,15 +139,16 @@ class _Run:
 
         After the last pick that is granted, it is taken to stand.
         """
-        execution = self._attempts[-1].execution if self._attempts else None
-        if self._task is Subgoal.HANG or execution is None or not execution.completed:
+        executed = [each.execution for each in self._attempts if each.execution is not None]
+        if self._task is Subgoal.HANG or not executed or not executed[-1].completed:
             return False
-        tilted = _X_WU(perception)[2, 2] < np.cos(STANDING_TILT_RAD)
+        X_WU = _X_WU(perception)
+        tilted = X_WU is not None and X_WU[2, 2] < np.cos(STANDING_TILT_RAD)
         return not tilted or self._picks >= self._limits.picks
 
     def _plan(self, perception: Perception) -> tuple[Plan, float] | PlanFailure:
         """Return a plan for the task, or else for a reorientation, and the time that it took."""
-        X_WGfailed = _X_WU(perception) @ np.reshape(self._X_UGfailed, (-1, 4, 4))
+        X_WGfailed = self._failed_grasps(_X_WU(perception))
         failures: dict[Subgoal, PlanFailure] = {}
         for subgoal in self._subgoals():
             outcome, took_s = self._sequencer.plan(subgoal, perception, X_WGfailed, self._rng)
@@ -157,6 +160,14 @@ class _Run:
             return failures[subgoal]
         reason = "; ".join(f"{subgoal}: {failure.reason}" for subgoal, failure in failures.items())
         return replace(failures[subgoal], reason=reason)
+
+    def _failed_grasps(self, X_WU: Array | None) -> Array:
+        """Return the grasps (F, 4, 4) that failed; they moved with the object if that was seen."""
+        found = [
+            X_WG if X_WU is None or X_WUThen is None else X_WU @ invert_pose(X_WUThen) @ X_WG
+            for X_WUThen, X_WG in self._failed
+        ]
+        return np.reshape(found, (-1, 4, 4))
 
     def _subgoals(self) -> tuple[Subgoal, ...]:
         """Return what may be planned for, in order of preference."""
@@ -170,14 +181,16 @@ class _Run:
         """Execute a plan; return how the task ended, or None where it is to be gone on with."""
         handled = self._sequencer.handler().run(plan, perception, planning_s, self._rng)
         self._attempts.extend(handled.attempts)
-        self._picks += 1
         stage, reason = handled.attempts[-1].failure
         if stage is None:
             if plan.subgoal is Subgoal.HANG:
                 return self._result(None, "")
             self._reoriented += 1
+            # Where the object is to stand, what follows is another try at the same.
+            self._picks += self._task is Subgoal.REORIENT
             return None
-        self._X_UGfailed.append(invert_pose(_X_WU(perception)) @ plan.X_WGrasp)
+        self._picks += 1
+        self._failed.append((_X_WU(perception), plan.X_WGrasp))
         if handled.home and self._picks < self._limits.picks:
             return None
         return self._result(stage, reason)
@@ -186,7 +199,7 @@ class _Run:
         return SequenceResult(tuple(self._attempts), stage, reason, self._perception_s)
 
 
-def _X_WU(perception: Perception) -> Array:
-    """Return the best upright pose (4, 4), which failed grasps move with; W's if there is none."""
+def _X_WU(perception: Perception) -> Array | None:
+    """Return the best upright pose (4, 4), which failed grasps move with; None if there is none."""
     poses = perception.pose_sets[PoseTask.UPRIGHT]
-    return poses.X_WPs[0] if len(poses) else np.eye(4)
+    return poses.X_WPs[0] if len(poses) else None

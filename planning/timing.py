@@ -20,6 +20,8 @@ KNOT_STEP_RAD = 0.05
 MAX_GRID_POINTS = 150
 # Knots closer than this are merged: the curvature between them would mean nothing.
 MIN_KNOT_STEP_RAD = 1e-3
+# Less than this is no motion: Toppra ends the process over it.
+LEAST_MOTION_RAD = 1e-6
 # A path that turns on the spot makes Toppra crawl through the turn; no real motion takes this long.
 LONGEST_S = 60.0
 
@@ -66,7 +68,7 @@ def _knots(qs: Array) -> Array:
             kept.append(q)
     if len(kept) > 1:
         kept[-1] = dense[-1]
-    elif np.abs(dense[-1] - dense[0]).max() > 0.0:
+    elif np.abs(dense[-1] - dense[0]).max() > LEAST_MOTION_RAD:
         kept.append(dense[-1])
     return np.stack(kept)
 

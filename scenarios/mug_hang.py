@@ -49,6 +49,8 @@ class MugHangOptions:
         noise_m: standard deviation of the noise on the sampled points.
         pose_noise_mm, pose_noise_deg: standard deviations, along and about each axis, of Gaussian
             noise on every pose of the oracle, drawn by the trial's seed.
+        feedback: look at what was lifted and place it as it lies in the hand, and try again what
+            failed; else plans are executed as they are.
         check_plans: check every plan that is executed independently, see planning.trajectory_check;
             counts as planning time.
         workers: processes; outcomes do not depend on them.
@@ -67,6 +69,7 @@ class MugHangOptions:
     pose_noise_mm: float = 0.0
     pose_noise_deg: float = 0.0
     workers: int = len(os.sched_getaffinity(0))
+    feedback: bool = True
     check_plans: bool = False
     record: Literal["all", "failures", "none"] = "all"
     out: Path | None = None

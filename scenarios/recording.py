@@ -67,14 +67,19 @@ class TrialRecorder:
                 self._set_visible(part, False, self._start_s)
             self._set_visible(part, True, time_s)
 
-    def show_plan(self, plan: Plan) -> None:
-        """Show the chosen grasp, and where the hand and the placed frame shall end."""
+    def show_plan(self, plan: Plan, taking: bool = True) -> None:
+        """Show the chosen grasp, and where the hand and the placed frame shall end.
+
+        A plan that does not take the object leaves the grasp as it was shown.
+        """
         placed = PoseTask.HANDLE if plan.subgoal is Subgoal.HANG else PoseTask.UPRIGHT
         chosen = {
             "grasp": (PoseTask.GRASP, plan.X_WGrasp, _GRASP_RGBA),
             "grasp_at_goal": (PoseTask.GRASP, plan.X_WGplace, _GOAL_RGBA),
             "goal": (placed, plan.X_WGoal, _GOAL_RGBA),
         }
+        if not taking:
+            del chosen["grasp"]
         for name, (task, X_WP, rgba) in chosen.items():
             segments = pose_segments(task, X_WP)
             self._draw(f"{self._path}/plan/{name}", segments, rgba, line_width=4.0)

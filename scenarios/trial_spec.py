@@ -28,7 +28,7 @@ class TrialSpec:
         station: layout, contact and control.
         mass_kg: of every mug, where not its own.
         pose_noise: on the poses of the oracle.
-        check_plans: as in MugHangOptions.
+        feedback, check_plans: as in MugHangOptions.
     """
 
     index: int
@@ -44,6 +44,7 @@ class TrialSpec:
     station: StationConfig = field(default_factory=StationConfig)
     mass_kg: float | None = None
     pose_noise: PoseNoise = field(default_factory=PoseNoise)
+    feedback: bool = True
     check_plans: bool = False
 
     @classmethod
@@ -61,6 +62,7 @@ class TrialSpec:
             record=options.record,
             folder=folder,
             pose_noise=options.pose_noise,
+            feedback=options.feedback,
             check_plans=options.check_plans,
         )
 

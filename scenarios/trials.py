@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from planning.attempts import Attempt, SequenceResult
+from planning.attempts import Attempt, AttemptLimits, SequenceResult
 from planning.checked_planner import CheckedPlanner
 from planning.executor import Executor
 from planning.planner import Planner
@@ -77,7 +77,7 @@ class _ShowingPlanner:
     def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
         outcome = self.planner.plan(problem, rng)
         if isinstance(outcome, Plan):
-            self.recorder.show_plan(outcome)
+            self.recorder.show_plan(outcome, taking=problem.held_width_m is None)
         return outcome
 
 
@@ -135,7 +135,8 @@ class _Trial:
         if self._recorder:
             planner = _ShowingPlanner(planner, self._recorder)
         executor = Executor(self._station, on_step=self._on_step if self._recorder else None)
-        return Sequencer(planner, self._perceive, executor, self._station.config.layout)
+        limits = AttemptLimits() if self._spec.feedback else AttemptLimits.without_feedback()
+        return Sequencer(planner, self._perceive, executor, self._station.config.layout, limits)
 
     def _violations(self) -> tuple[str, ...] | None:
         if self._checked is None:
@@ -200,6 +201,7 @@ def _attempt_record(attempt: Attempt) -> dict[str, Any]:
         record["held"] = {
             "shift_m": attempt.held.shift_m,
             "turn_rad": attempt.held.turn_rad,
+            "matched": attempt.held.matched,
             "rejected": attempt.held.rejected,
         }
     return record

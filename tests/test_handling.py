@@ -3,6 +3,7 @@
 The robot sees nothing unless a test says what; the planner returns the placement it is given.
 """
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -229,7 +230,42 @@ def test_a_robot_that_finds_no_way_home_says_so(monkeypatch: pytest.MonkeyPatch)
     assert handled.attempts[-1].recovery == "drew back; no way home was found"
 
 
-def test_a_plan_that_takes_what_is_in_the_hand_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    sees(monkeypatch, make_pose(p=(0.0, 0.0, 2.0 * KEPT_SHIFT_M)))
-    with pytest.raises(ValueError, match="begins with transit; expected transfer"):
-        handle(PerfectRobot(WIDTH_M), Placer(reorient_plan()))
+def test_a_plan_that_takes_what_is_in_the_hand_is_no_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    sees(monkeypatch, make_pose(p=(0.0, 0.0, 2.0 * BEARABLE_SHIFT_M)))
+    handled = handle(PerfectRobot(WIDTH_M), Placer(reorient_plan()))
+    stage, reason = handled.attempts[-1].failure
+    assert stage is Stage.PLANNING and "begins with transit; expected transfer" in reason
+    assert handled.attempts[-1].recovery == "put the object down"
+
+
+def test_without_held_views_the_plan_is_executed_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    sees(monkeypatch, make_pose(p=(0.0, 0.0, 2.0 * BEARABLE_SHIFT_M)))
+    planner, limits = Placer(placing()), AttemptLimits.without_feedback()
+    handled = handle(PerfectRobot(WIDTH_M), planner, limits=limits)
+    assert failures(handled) == [None] and planner.asked == []
+    assert handled.attempts[0].held is not None
+    assert handled.attempts[0].held.rejected == "not looked at"
+
+
+def test_the_next_look_starts_from_what_was_seen_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    X_GE = make_pose(p=(0.0, 0.0, 0.5 * (KEPT_SHIFT_M + BEARABLE_SHIFT_M)))
+    expected: list[Array] = []
+
+    def view(*arguments: object) -> HeldView:
+        expected.append(np.asarray(arguments[-1]))
+        return HeldView(X_GE, matched=1.0)
+
+    monkeypatch.setattr("planning.handling.view_held", view)
+    handle(PerfectRobot(WIDTH_M, floor_m=blocking_floor_m()), Placer())
+    first, second = expected[:2]
+    np.testing.assert_array_equal(first, np.eye(4))
+    np.testing.assert_array_equal(second, X_GE)
+
+
+def test_the_time_of_the_way_back_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = itertools.count()  # a second passes with each look at the clock
+    monkeypatch.setattr("planning.handling.time.monotonic", lambda: float(next(clock)))
+    robot, planner = PerfectRobot(WIDTH_M, floor_m=blocking_floor_m()), Placer(placing())
+    handled = handle(robot, planner, limits=AttemptLimits(placements=2))
+    spent = sum(attempt.planning_s + attempt.execution_s for attempt in handled.attempts)
+    assert spent == pytest.approx(0.5 + next(clock) - 1)

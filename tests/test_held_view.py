@@ -85,6 +85,14 @@ def test_the_search_starts_from_the_last_known_motion() -> None:
     assert errors_m(view.X_GE, X_GE).max() < 0.003
 
 
+def test_the_search_turns_about_the_pads_wherever_the_object_is() -> None:
+    known = make_pose(rotation_z(np.radians(8.0)), (0.012, 0.0, -0.008))
+    X_GE = make_pose(rotation_y(np.radians(48.0))) @ known
+    view = view_held(held(X_GE), Q, WALL_M, cloud_before(), LOWEST_Z_M, known)
+    assert view.rejected == ""
+    assert errors_m(view.X_GE, X_GE).max() < 0.003
+
+
 def test_an_empty_hand_is_no_measurement() -> None:
     expected = make_pose(p=(0.0, 0.0, 0.004))
     lying = views_of(X_WO)

@@ -128,3 +128,11 @@ def test_trajectories_that_make_no_sense_are_errors() -> None:
         JointTrajectory(np.zeros(3), np.zeros((2, 7)), np.zeros((3, 7)))
     with pytest.raises(ValueError, match="ascend"):
         JointTrajectory(np.array([0.0, 0.0]), np.zeros((2, 7)), np.zeros((2, 7)))
+
+
+@pytest.mark.parametrize("motion_rad", [0.0, 1e-7, 2e-6])
+def test_hardly_any_motion_is_timed_as_well(motion_rad: float) -> None:
+    qs = np.stack([Q_HOME, Q_HOME + motion_rad])
+    trajectory = time_path(qs, FREE)
+    np.testing.assert_allclose(trajectory.qs[[0, -1]], qs, atol=1e-6)
+    assert trajectory.duration_s > 0.0

@@ -1,6 +1,7 @@
 """Tasks from their first look to their end, with a robot that does exactly what it is told."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -128,6 +129,39 @@ def test_an_object_that_always_falls_over_is_stood_up_so_often_only() -> None:
     sequencer = Sequencer(planner, looks, Executor(PerfectRobot()), limits=limits)
     result = sequencer.run(Subgoal.REORIENT, np.random.default_rng(0))
     assert result.completed and len(result.attempts) == 2
+
+
+def test_an_object_that_seemed_tilted_once_still_stands() -> None:
+    class Once(KnownPlan):
+        def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
+            plan = super().plan(problem, rng)
+            return plan if len(self.asked) == 1 else PlanFailure(Stage.PLANNING, "no")
+
+    standing, lying = (mug_problem(Subgoal.REORIENT, X_WO) for X_WO in (UPRIGHT, LYING))
+    looks = Looks(standing, lying, standing)
+    result = Sequencer(Once(), looks, Executor(PerfectRobot())).run(
+        Subgoal.REORIENT, np.random.default_rng(0)
+    )
+    assert result.completed
+    assert [attempt.failure[0] for attempt in result.attempts] == [None, Stage.PLANNING]
+
+
+def test_a_plan_for_something_else_is_refused() -> None:
+    looks = Looks(mug_problem(Subgoal.HANG, UPRIGHT))
+    sequencer = Sequencer(KnownPlan(), looks, Executor(PerfectRobot()))
+    with pytest.raises(ValueError, match="a plan to reorient was made where one to hang was due"):
+        sequencer.run(Subgoal.HANG, np.random.default_rng(0))
+
+
+def test_failed_grasps_stay_where_they_were_if_no_upright_pose_is_seen() -> None:
+    seen = mug_problem(Subgoal.REORIENT, make_pose(p=(0.03, 0.0, 0.0)) @ UPRIGHT)
+    none = PoseSet(PoseTask.UPRIGHT, np.empty((0, 4, 4)), np.empty(0))
+    blind = replace(seen, pose_sets={**seen.pose_sets, PoseTask.UPRIGHT: none})
+    planner, looks = KnownPlan(), Looks(seen, blind)
+    limits = AttemptLimits(picks=2)
+    sequencer = Sequencer(planner, looks, Executor(PerfectRobot(object_m=0.0)), limits=limits)
+    sequencer.run(Subgoal.REORIENT, np.random.default_rng(0))
+    np.testing.assert_array_equal(planner.asked[1].X_WGfailed, [reorient_plan().X_WGrasp])
 
 
 def test_an_empty_grasp_is_followed_by_another_one() -> None:
