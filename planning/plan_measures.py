@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from pydrake.planning import RobotCollisionType
 
 from planning.distances import (
     arm_capsules,
@@ -79,8 +80,7 @@ class PlanMeter:
     def _at(self, q: Array, segment: Segment, points: Array) -> float:
         """Return the clearance at `q` (7,); `points` (N, 3) are in G where held, else in W."""
         opening_m = float(np.clip(segment.openings_m[0], 0.0, MAX_OPENING_M))
-        robot = self._checker.CalcRobotClearance(panda_positions(q, opening_m), FARTHEST_M)
-        least = min(robot.distances(), default=FARTHEST_M)
+        least = self._static_clearance(q, opening_m)
         X_WLs = np.concatenate([np.eye(4)[None], link_poses(q[None])[0]])
         X_WG = X_WLs[7] @ X_7G
         if segment.holding:
@@ -89,6 +89,13 @@ class PlanMeter:
         p_GPs = transform_points(invert_pose(X_WG), points)
         hand = min(distance_to_box(p_GPs, box).min() for box in (PALM, *finger_boxes(opening_m)))
         return float(min(least, hand, _to_arm(X_WLs, points)))
+
+    def _static_clearance(self, q: Array, opening_m: float) -> float:
+        """Return the distance of the robot to table and hook, at most `FARTHEST_M`."""
+        found = self._checker.CalcRobotClearance(panda_positions(q, opening_m), FARTHEST_M)
+        types = np.array(found.collision_types(), dtype=object)
+        outside = types == RobotCollisionType.kEnvironmentCollision
+        return float(np.min(found.distances()[outside], initial=FARTHEST_M))
 
     def _held_clearance(self, p_WPs: Array) -> float:
         """Return the distance of held points (N, 3) to table and hook."""

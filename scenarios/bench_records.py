@@ -4,9 +4,9 @@ import json
 import logging
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -22,7 +22,8 @@ from planning.trajectory_check import TrajectoryChecker
 from scenarios.resume import read_json_lines
 
 SOLVED = "solved"
-# A plan that the independent checker refuses; a planner that raised.
+# A plan that the independent checker refuses; a planner that raised, or whose plan made the check
+# or the measuring raise.
 REFUSED = "refused by the checker"
 ERROR = "error"
 
@@ -35,7 +36,7 @@ class BenchRecord:
         problem: its name.
         planner: its name.
         outcome: "solved", the stage that failed, "refused by the checker", or "error".
-        reason: why, in words; empty where solved.
+        reason: why, in words, or the traceback of an error; empty where solved.
         planning_s: wall time of the planner.
         planning_cpu_s: processor time of the planner, which other programs hardly change.
         measures: of the plan; None where there is none.
@@ -92,7 +93,7 @@ def run_task(task: BenchTask) -> list[BenchRecord]:
     logging.getLogger("drake").setLevel(logging.WARNING)
     problem = _problems(task.file)[task.problem]
     return [
-        run_planner(_planner(name), name, problem, task.problem, task.seed)
+        run_planner(partial(_planner, name), name, problem, task.problem, task.seed)
         for name in task.planners
     ]
 
@@ -104,29 +105,44 @@ def crashed_task(task: BenchTask) -> list[BenchRecord]:
 
 
 def run_planner(
-    planner: Planner, planner_name: str, problem: PlanningProblem, problem_name: str, seed: int
+    make: Callable[[], Planner],
+    planner_name: str,
+    problem: PlanningProblem,
+    problem_name: str,
+    seed: int,
 ) -> BenchRecord:
-    """Plan, check the plan independently, and measure it."""
-    started, started_cpu = time.perf_counter(), time.process_time()
+    """Make the planner, plan, check the plan independently, and measure it.
+
+    Where any of this raises, the record is an error with the traceback.
+    """
+    seconds = (0.0, 0.0)
     try:
-        outcome: Plan | PlanFailure | str = planner.plan(problem, np.random.default_rng(seed))
+        planner = make()
+        started, started_cpu = time.perf_counter(), time.process_time()
+        try:
+            outcome = planner.plan(problem, np.random.default_rng(seed))
+        finally:
+            seconds = (time.perf_counter() - started, time.process_time() - started_cpu)
+        verdict, reason, measures = _judged(outcome, problem)
+        search = {name: float(value) for name, value in outcome.statistics.items()}
     except Exception:
-        outcome = traceback.format_exc()
-    seconds = (time.perf_counter() - started, time.process_time() - started_cpu)
-    if isinstance(outcome, str):
-        return BenchRecord(problem_name, planner_name, ERROR, outcome, *seconds)
-    search = dict(outcome.statistics)
+        return BenchRecord(problem_name, planner_name, ERROR, traceback.format_exc(), *seconds)
+    return BenchRecord(problem_name, planner_name, verdict, reason, *seconds, measures, search)
+
+
+def _judged(
+    outcome: Plan | PlanFailure, problem: PlanningProblem
+) -> tuple[str, str, PlanMeasures | None]:
+    """Return the outcome in a word, the reason, and the measures of a plan."""
     if isinstance(outcome, PlanFailure):
-        verdict = (outcome.stage.value, outcome.reason)
-        return BenchRecord(problem_name, planner_name, *verdict, *seconds, search=search)
+        return outcome.stage.value, outcome.reason, None
     checker, meter = _judges(layout_to_json(problem.layout))
     points = check_points(problem)
     violations = checker.violations(outcome, points)
-    verdict = (SOLVED, "")
-    if violations:
-        verdict = (REFUSED, f"{violations[0].name}: {violations[0].what}")
     measures = meter.measure(outcome, points)
-    return BenchRecord(problem_name, planner_name, *verdict, *seconds, measures, search)
+    if violations:
+        return REFUSED, f"{violations[0].name}: {violations[0].what}", measures
+    return SOLVED, "", measures
 
 
 @lru_cache(maxsize=1)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,13 @@ from rich.console import Console
 from rich.table import Table
 
 from scenarios.bench_records import BenchRecord
-from scenarios.bench_statistics import Comparison, PlannerSummary, by_planner, compare
+from scenarios.bench_statistics import (
+    Comparison,
+    PairedDifference,
+    PlannerSummary,
+    by_planner,
+    compare_all,
+)
 from split_drake.files import write_json
 
 # Medians over solved problems: measure, heading, factor to its unit, digits.
@@ -22,22 +27,27 @@ _MEASURES = (
 )
 
 
-def print_bench(console: Console, records: Sequence[BenchRecord]) -> None:
-    """Print a row for each planner, and one for each pair of them."""
+def print_bench(console: Console, records: Sequence[BenchRecord], planners: Sequence[str]) -> None:
+    """Print a column for each planner of the records, and a row for each pair of `planners`."""
     summaries = {name: PlannerSummary.of(found) for name, found in by_planner(records).items()}
     console.print(_planner_table(summaries))
     for name, summary in summaries.items():
         listed = ", ".join(f"{stage} {count}" for stage, count in summary.failures.items())
         console.print(f"{name}: failures by stage: {listed or 'none'}")
-    pairs = [compare(records, *pair) for pair in combinations(summaries, 2)]
+    pairs = compare_all(records, planners)
     if pairs:
         console.print(_pair_table(pairs))
+    elif len(planners) > 1:
+        console.print(f"no pairs: no problem has been given to all of {', '.join(planners)}")
 
 
 def write_bench_summary(
-    path: Path, records: Sequence[BenchRecord], config: Mapping[str, Any]
+    path: Path,
+    records: Sequence[BenchRecord],
+    planners: Sequence[str],
+    config: Mapping[str, Any],
 ) -> None:
-    """Write summary.json, atomically."""
+    """Write summary.json, atomically: the configuration, each planner, each pair of `planners`."""
     found = by_planner(records)
     content = {
         **config,
@@ -45,7 +55,7 @@ def write_bench_summary(
             name: {**asdict(summary := PlannerSummary.of(own)), "wilson95": summary.solved.wilson95}
             for name, own in found.items()
         },
-        "pairs": [asdict(compare(records, *pair)) for pair in combinations(found, 2)],
+        "pairs": [asdict(pair) for pair in compare_all(records, planners)],
     }
     write_json(path, content)
 
@@ -63,6 +73,7 @@ def _planner_column(summary: PlannerSummary) -> dict[str, str]:
     """Return {heading: text}."""
     share, interval = str(summary.solved).split("  ")
     cells = {
+        "problems": str(summary.solved.trials),
         "solved": share,
         "Wilson 95%": interval,
         "planning, median s": f"{summary.median_s:.2f}",
@@ -76,14 +87,21 @@ def _planner_column(summary: PlannerSummary) -> dict[str, str]:
 
 
 def _pair_table(pairs: Sequence[Comparison]) -> Table:
-    headings = ("first - second", "solved alone", "McNemar p", "CPU s (p)", "path rad (p)")
-    table = Table(*headings, title="pairs on the same problems; p of times, lengths: Wilcoxon")
+    """Return a table with a row for each pair; all rest on the same problems."""
+    headings = ("first - second", "solved alone", "McNemar p", "CPU s (p)", "both solved")
+    title = f"pairs on {pairs[0].problems} problems given to all; p of times, lengths: Wilcoxon"
+    table = Table(*headings, "path rad (p)", title=title)
     for pair in pairs:
         table.add_row(
             f"{pair.one} - {pair.other}",
             f"{pair.only_one} - {pair.only_other}",
             f"{pair.mcnemar_p:.2g}",
-            f"{pair.cpu_s.median:+.2f} ({pair.cpu_s.p:.2g})",
-            f"{pair.path_length_rad.median:+.2f} ({pair.path_length_rad.p:.2g})",
+            _difference(pair.cpu_s),
+            str(pair.path_length_rad.problems),
+            _difference(pair.path_length_rad),
         )
     return table
+
+
+def _difference(figure: PairedDifference) -> str:
+    return f"{figure.median:+.2f} ({figure.p:.2g})" if figure.problems else "-"

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.stats import wilcoxon
@@ -77,6 +78,7 @@ class Comparison:
 
     Attributes:
         one, other: their names.
+        problems: how many both were given.
         only_one, only_other: problems that only one of them solved.
         mcnemar_p: of McNemar's exact test that both solve the same share.
         cpu_s: difference of processor times, on all shared problems.
@@ -85,11 +87,23 @@ class Comparison:
 
     one: str
     other: str
+    problems: int
     only_one: int
     only_other: int
     mcnemar_p: float
     cpu_s: PairedDifference
     path_length_rad: PairedDifference
+
+
+def compare_all(records: Sequence[BenchRecord], planners: Sequence[str]) -> list[Comparison]:
+    """Return how each pair of planners compares on the problems that all of them were given.
+
+    All pairs thus rest on the same problems, also after an interrupt; no pairs without such ones.
+    """
+    given = [{record.problem for record in records if record.planner == p} for p in planners]
+    shared = set.intersection(*given)
+    common = [record for record in records if record.problem in shared]
+    return [compare(common, *pair) for pair in combinations(planners, 2)] if shared else []
 
 
 def compare(records: Sequence[BenchRecord], one: str, other: str) -> Comparison:
@@ -108,6 +122,7 @@ def compare(records: Sequence[BenchRecord], one: str, other: str) -> Comparison:
     return Comparison(
         one=one,
         other=other,
+        problems=len(pairs),
         only_one=only_one,
         only_other=only_other,
         mcnemar_p=mcnemar_exact(only_one, only_other),

@@ -3,10 +3,13 @@
 Nothing is simulated.  Every plan is checked by `planning.trajectory_check`, which shares no code
 with the planners' own checks; a plan that it refuses does not count as solved.  The output folder
 holds config.json, results.jsonl (a line for each problem and planner as it arises) and
-summary.json.  The same --out goes on where an interrupted run stopped.
+summary.json.  The same --out goes on where an interrupted run stopped.  The report is of the
+planners and problems asked for, whatever else the folder holds; pairs of planners are compared on
+the problems that all of them have been given.
 """
 
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
@@ -62,6 +65,8 @@ class BenchOptions:
             raise ValueError(f"--planner names one twice: {list(self.planner)}")
         if self.limit is not None and self.limit < 1:
             raise ValueError(f"--limit is {self.limit}; expected at least 1")
+        if self.seed < 0:
+            raise ValueError(f"--seed is {self.seed}; expected 0 or more")
         if self.workers < 1:
             raise ValueError(f"--workers is {self.workers}; expected at least 1")
 
@@ -83,11 +88,13 @@ def bench_config(options: BenchOptions) -> dict[str, Any]:
     }
 
 
-def missing_tasks(options: BenchOptions, records: list[BenchRecord]) -> list[BenchTask]:
-    """Return the problems that some planner has not been run on yet, with those planners."""
+def missing_tasks(
+    options: BenchOptions, names: Sequence[str], records: Sequence[BenchRecord]
+) -> list[BenchTask]:
+    """Return the named problems that some planner has not been run on yet, with those planners."""
     done = {(record.problem, record.planner) for record in records}
     tasks = []
-    for name in list(load_problems(options.problems))[: options.limit]:
+    for name in names:
         planners = tuple(p for p in options.planner if (name, p) not in done)
         if planners:
             tasks.append(BenchTask(options.problems, name, planners, options.seed))
@@ -116,14 +123,16 @@ def main(options: BenchOptions) -> Path:
     records = read_bench_records(log)
     # A kill may have cut off the last line; what is appended must start on one of its own.
     write_atomically(log, "".join(record.to_json() + "\n" for record in records))
-    tasks = missing_tasks(options, records)
+    names = list(load_problems(options.problems))[: options.limit]
+    tasks = missing_tasks(options, names, records)
     try:
         if tasks:
             run_missing(tasks, records, log, options.workers, console)
     except KeyboardInterrupt:
         console.print(f"interrupted; --out {folder} goes on from here")
-    write_bench_summary(folder / "summary.json", records, config)
-    print_bench(console, records)
+    asked = [r for r in records if r.problem in names and r.planner in options.planner]
+    write_bench_summary(folder / "summary.json", asked, options.planner, config)
+    print_bench(console, asked, options.planner)
     console.print(f"results: {folder}")
     return folder
 

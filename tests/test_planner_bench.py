@@ -9,19 +9,39 @@ import pytest
 from helpers_planning import LYING, UPRIGHT, mug_problem
 from rich.console import Console
 
-from planning.plan_measures import PlanMeasures, PlanMeter, rms_jerk
-from planning.planner import make_planner
-from planning.problem import JointTrajectory, Plan, PlanFailure, PlanningProblem, Subgoal
+from planning.kinematics import closed_form_ik
+from planning.plan_measures import FARTHEST_M, PlanMeasures, PlanMeter, rms_jerk
+from planning.planner import Planner, make_planner
+from planning.problem import (
+    JointTrajectory,
+    Plan,
+    PlanFailure,
+    PlanningProblem,
+    Segment,
+    SegmentName,
+    Stage,
+    Subgoal,
+)
 from planning.problem_files import save_problems
 from planning.timing import rest
-from scenarios.bench_records import ERROR, REFUSED, BenchRecord, read_bench_records, run_planner
+from planning.world import static_checker
+from scenarios import bench_records
+from scenarios.bench_records import (
+    ERROR,
+    REFUSED,
+    BenchRecord,
+    BenchTask,
+    read_bench_records,
+    run_planner,
+    run_task,
+)
 from scenarios.bench_report import print_bench
-from scenarios.bench_statistics import PairedDifference, PlannerSummary, compare
+from scenarios.bench_statistics import PairedDifference, PlannerSummary, compare, compare_all
 from scenarios.planner_bench import BenchOptions, main
 from scenarios.records import mcnemar_exact
 from split_drake.layout import Layout
-from split_drake.panda import Q_HOME
-from split_drake.poses import make_pose
+from split_drake.panda import Q_HOME, panda_positions
+from split_drake.poses import Array, make_pose, rotation_x
 
 
 def made_up(problem: int, planner: str, solved: bool, cpu_s: float = 1.0) -> BenchRecord:
@@ -31,15 +51,21 @@ def made_up(problem: int, planner: str, solved: bool, cpu_s: float = 1.0) -> Ben
 
 
 class Fixed:
-    """A planner with one answer."""
+    """A planner with one answer, which may be none."""
 
-    def __init__(self, answer: Plan | PlanFailure | Exception) -> None:
+    def __init__(self, answer: Plan | PlanFailure | Exception | None) -> None:
         self._answer = answer
 
-    def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
+    def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure | None:
         if isinstance(self._answer, Exception):
             raise self._answer
         return self._answer
+
+
+def resting(q: Array) -> Plan:
+    """Return a plan that only stays at `q` (7,), far from any object."""
+    transit = Segment(SegmentName.TRANSIT, rest(q, 0.1), 0.04, 0.04, 20.0, holding=False)
+    return Plan(Subgoal.HANG, (transit,), *np.eye(4)[None].repeat(4, axis=0))
 
 
 def test_three_problems_from_file_to_table_and_on(tmp_path: Path) -> None:
@@ -64,6 +90,10 @@ def test_three_problems_from_file_to_table_and_on(tmp_path: Path) -> None:
     assert summary["planners"]["rrt"]["solved"] == {"successes": 2, "trials": 3}
     assert summary["planners"]["gcs"]["failures"] == {"planning": 1}
     assert summary["pairs"][0]["mcnemar_p"] == 1.0
+    main(BenchOptions(planner=("rrt",), problems=file, limit=1, out=out))
+    limited = json.loads((out / "summary.json").read_text())
+    assert {name: s["solved"]["trials"] for name, s in limited["planners"].items()} == {"rrt": 1}
+    assert len(read_bench_records(out / "results.jsonl")) == 6
     with pytest.raises(ValueError, match="seed was 0, is 1"):
         main(BenchOptions(problems=file, seed=1, out=out))
 
@@ -75,6 +105,7 @@ def test_three_problems_from_file_to_table_and_on(tmp_path: Path) -> None:
         ({"planner": ("rrt", "rrt")}, "twice"),
         ({"limit": 0}, "limit is 0"),
         ({"workers": 0}, "workers is 0"),
+        ({"seed": -1}, "seed is -1"),
     ],
 )
 def test_options_that_make_no_sense_are_errors(options: dict, match: str) -> None:
@@ -88,12 +119,45 @@ def test_a_plan_that_collides_is_refused_and_a_raise_is_an_error() -> None:
     assert isinstance(plan, Plan)
     jumping = replace(plan.segments[1], trajectory=rest(Q_HOME + 0.2, 0.1))
     broken = replace(plan, segments=(plan.segments[0], jumping, *plan.segments[2:]))
-    refused = run_planner(Fixed(broken), "fixed", problem, "hang", seed=0)
+    refused = run_planner(lambda: Fixed(broken), "fixed", problem, "hang", seed=0)
     assert refused.outcome == REFUSED
     assert "starts" in refused.reason
-    raised = run_planner(Fixed(RuntimeError("boom")), "fixed", problem, "hang", seed=0)
+    raised = run_planner(lambda: Fixed(RuntimeError("boom")), "fixed", problem, "hang", seed=0)
     assert raised.outcome == ERROR
     assert "boom" in raised.reason
+
+
+@pytest.mark.parametrize(
+    ("answer", "reason"),
+    [(resting(Q_HOME), "no segment of the plan holds the object"), (None, "NoneType")],
+)
+def test_a_malformed_plan_is_an_error(answer: Plan | None, reason: str) -> None:
+    problem = mug_problem(Subgoal.HANG, UPRIGHT)
+    record = run_planner(lambda: Fixed(answer), "fixed", problem, "hang", seed=0)
+    assert record.outcome == ERROR
+    assert "Traceback" in record.reason
+    assert reason in record.reason
+
+
+def test_counts_of_any_number_type_can_be_written() -> None:
+    problem = mug_problem(Subgoal.HANG, UPRIGHT)
+    failure = PlanFailure(Stage.PLANNING, "no way", {"samples": np.int64(7)})
+    record = run_planner(lambda: Fixed(failure), "fixed", problem, "hang", seed=0)
+    assert json.loads(record.to_json())["search"] == {"samples": 7.0}
+
+
+def test_a_planner_that_cannot_be_made_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(name: str) -> Planner:
+        raise FileNotFoundError(f"no regions for {name}")
+
+    file = tmp_path / "problems.npz"
+    save_problems(file, {"hang": mug_problem(Subgoal.HANG, UPRIGHT)})
+    monkeypatch.setattr(bench_records, "make_planner", fail)
+    (record,) = run_task(BenchTask(file, "hang", ("unmade",), seed=0))
+    assert (record.problem, record.planner, record.outcome) == ("hang", "unmade", ERROR)
+    assert "no regions for unmade" in record.reason
 
 
 def test_measures_grow_with_what_they_measure() -> None:
@@ -108,6 +172,19 @@ def test_measures_grow_with_what_they_measure() -> None:
     assert 0.0 < measures.clearance_m <= 0.1
     beside_path = meter.measure(plan, np.concatenate([problem.p_WPs, [plan.X_WGrasp[:3, 3]]]))
     assert beside_path.clearance_m <= measures.clearance_m
+
+
+def test_clearance_is_of_the_surroundings_and_not_of_the_robot_itself() -> None:
+    folded = np.array([0.0, -1.7, 0.0, -3.05, 0.0, 0.0, 0.78])
+    checker = static_checker(Layout(), hook_margin_m=0.0)
+    itself = checker.CalcRobotClearance(panda_positions(folded, 0.04), FARTHEST_M)
+    assert min(itself.distances()) < 0.01
+    meter, far = PlanMeter(Layout()), np.array([[1.4, 0.0, 0.0]])
+    assert meter.measure(resting(folded), far).clearance_m == FARTHEST_M
+    above = [make_pose(rotation_x(np.pi), (0.5, 0.0, z)) for z in (0.05, 0.07)]
+    qs = [closed_form_ik([X_WG], [np.pi / 4.0])[0][0] for X_WG in above]
+    low, high = (meter.measure(resting(q), far).clearance_m for q in qs)
+    assert high - low == pytest.approx(0.02, abs=1e-4)
 
 
 def test_jerk_of_a_cubic_is_its_third_derivative() -> None:
@@ -141,6 +218,18 @@ def test_pairs_are_compared_on_shared_problems_alone() -> None:
     assert pair.path_length_rad.problems == 3
 
 
+def test_all_pairs_rest_on_the_problems_that_all_planners_were_given() -> None:
+    done = {"a": 10, "b": 8, "c": 3}
+    records = [made_up(i, name, solved=True) for name, n in done.items() for i in range(n)]
+    pairs = compare_all(records, tuple(done))
+    assert [(p.one, p.other, p.problems) for p in pairs] == [
+        ("a", "b", 3),
+        ("a", "c", 3),
+        ("b", "c", 3),
+    ]
+    assert compare_all(records, ("a", "b", "not begun")) == []
+
+
 def test_nothing_to_compare_is_no_difference() -> None:
     assert mcnemar_exact(0, 0) == 1.0
     assert PairedDifference.of([], []).problems == 0
@@ -150,8 +239,12 @@ def test_nothing_to_compare_is_no_difference() -> None:
 def test_the_table_names_planners_shares_and_failures() -> None:
     console = Console(record=True, width=90)
     records = [made_up(i, name, solved=i < n) for name, n in (("a", 3), ("b", 0)) for i in range(4)]
-    print_bench(console, records)
+    records += [made_up(4, "a", solved=True)]
+    print_bench(console, records, ("a", "b"))
     text = console.export_text()
-    assert "3/4 = 75.0%" in text
+    problems = next(line for line in text.splitlines() if "problems  " in line)
+    assert problems.replace("│", " ").split() == ["problems", "5", "4"]
+    assert "pairs on 4 problems" in " ".join(text.split())
+    assert "4/5 = 80.0%" in text
     assert "b: failures by stage: planning 4" in text
     assert "a - b" in text
