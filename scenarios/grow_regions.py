@@ -1,7 +1,8 @@
 """Grow the regions of the planner `gcs`: `python -m scenarios.grow_regions`.
 
 The default planner solves saved problems; where its transits and transfers start, turn and end are
-the configurations that regions should hold.  Home comes first.
+the configurations that regions should hold.  Home comes first.  After a change of `Layout`, record
+problems of the new station first (`scenarios.record_problems`) and name them by --problems.
 """
 
 import logging
@@ -15,12 +16,13 @@ from rich.progress import track
 
 from planning.plan_measures import FREE_SEGMENTS
 from planning.planner import make_planner
-from planning.problem import Plan
+from planning.problem import Plan, PlanningProblem
 from planning.problem_files import load_problems
 from planning.regions import SHIPPED_REGIONS, grow_regions, save_regions
 from planning.world import CollisionWorld, Situation, same_fixtures
 from scenarios.record_problems import SHIPPED_PROBLEMS
 from split_drake.gripper import MAX_OPENING_M
+from split_drake.layout import Layout
 from split_drake.panda import Q_HOME
 from split_drake.poses import Array
 
@@ -30,7 +32,7 @@ class GrowOptions:
     """Options of growing.
 
     Attributes:
-        problems: file of `scenarios.record_problems`, all of one station.
+        problems: file of `scenarios.record_problems`, of the station that `Layout()` describes.
         plans: how many of its problems to plan.
         max_regions: how many regions to grow at most.
         seed: of planner and sampling.
@@ -55,20 +57,34 @@ def turning_points(plan: Plan) -> Array:
     return np.concatenate([qs[[0, len(qs) // 2, -1]] for qs in trajectories])
 
 
+def load_station_problems(path: Path) -> list[PlanningProblem]:
+    """Return the problems of a file.
+
+    Raises ValueError where table or hook of one stand elsewhere than in `Layout()`: the regions
+    would be of a station that is no longer there, and the planner would refuse to use them.
+    """
+    problems = load_problems(path)
+    for name, problem in problems.items():
+        if not same_fixtures(problem.layout, Layout()):
+            raise ValueError(
+                f"{path}: table or hook of problem {name!r} are not those of Layout(); record "
+                "problems of this station with scenarios.record_problems and name them by "
+                "--problems"
+            )
+    return list(problems.values())
+
+
 def main(options: GrowOptions) -> Path:
     """Grow the regions and return their file."""
     logging.getLogger("drake").setLevel(logging.WARNING)
     console = Console()
-    problems = list(load_problems(options.problems).values())[: options.plans]
-    layout, planner = problems[0].layout, make_planner("default")
-    if not all(same_fixtures(problem.layout, layout) for problem in problems):
-        raise ValueError(f"{options.problems} holds several stations; expected one")
-    found = [Q_HOME[None]]
+    problems = load_station_problems(options.problems)[: options.plans]
+    planner, found = make_planner("default"), [Q_HOME[None]]
     for problem in track(problems, "planning", console=console):
         plan = planner.plan(problem, np.random.default_rng(options.seed))
         if isinstance(plan, Plan):
             found.append(turning_points(plan))
-    world, qs = CollisionWorld(layout), np.concatenate(found)
+    world, qs = CollisionWorld(Layout()), np.concatenate(found)
     qs = qs[world.free(qs, Situation(MAX_OPENING_M))]
     regions = grow_regions(world, qs, options.max_regions, options.seed)
     save_regions(options.out, regions)

@@ -5,6 +5,7 @@ planner would be asked for is kept, and nothing is planned or executed.  Tasks a
 turns.  `scenarios.planner_bench` runs planners on the file.
 """
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -63,6 +64,16 @@ class RecordOptions:
             raise ValueError(f"--count is {self.count}; expected at least 1")
         if not self.tasks or not self.detectors:
             raise ValueError("--tasks and --detectors must each name at least one")
+        for name in ("tasks", "detectors"):
+            named = getattr(self, name)
+            if len(set(named)) < len(named):
+                raise ValueError(f"--{name} names one twice: {list(named)}")
+        if self.seed < 0:
+            raise ValueError(f"--seed is {self.seed}; expected 0 or more")
+        if not 0.0 <= self.noise_m < math.inf:
+            raise ValueError(f"--noise-m is {self.noise_m}; expected metres >= 0")
+        if self.workers < 1:
+            raise ValueError(f"--workers is {self.workers}; expected at least 1")
 
 
 @dataclass(frozen=True)

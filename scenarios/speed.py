@@ -62,7 +62,14 @@ class Figure:
 def figures(
     alone: Sequence[TrialRecord], alone_wall_s: float, both: Sequence[TrialRecord], wall_s: float
 ) -> list[Figure]:
-    """Return the figures of the same trials run by one worker (`alone`) and by two (`both`)."""
+    """Return the figures of the same trials run by one worker (`alone`) and by two (`both`).
+
+    Raises ValueError where they are not the same trials, or none was planned.
+    """
+    if [record.index for record in alone] != [record.index for record in both]:
+        raise ValueError(
+            f"{len(alone)} trials by one worker and {len(both)} by two; expected the same trials"
+        )
     planned = [record for record in alone if "planning" in record.seconds]
     if not planned:
         raise ValueError(f"none of {len(alone)} trials came as far as planning; nothing is timed")
@@ -79,23 +86,40 @@ def figures(
     ]
 
 
+def timed_run(options: SpeedOptions, workers: int) -> tuple[list[TrialRecord], float]:
+    """Return the records of a whole run, and the wall time it took, s.
+
+    Raises ValueError where the run was interrupted, or its folder holds more trials than asked for.
+    """
+    folder = options.out / f"{workers}_workers"
+    mug_hang.main(
+        mug_hang.MugHangOptions(
+            trials=options.trials,
+            seed=options.seed,
+            detector=options.detector,
+            workers=workers,
+            out=folder,
+        )
+    )
+    records = read_records(folder / "trials.jsonl")
+    if len(records) < options.trials:
+        raise ValueError(
+            f"{folder} holds {len(records)} of {options.trials} trials: the run was interrupted; "
+            "the same command goes on from there"
+        )
+    if len(records) > options.trials:
+        raise ValueError(
+            f"{folder} holds {len(records)} trials, --trials is {options.trials}; expected as many "
+            "as it holds, or another --out"
+        )
+    return records, float(json.loads((folder / "summary.json").read_text())["wall_s"])
+
+
 def main(options: SpeedOptions) -> list[Figure]:
     """Run both, print the table, and return its figures."""
-    console, runs = Console(), []
-    for workers in (1, 2):
-        folder = options.out / f"{workers}_workers"
-        mug_hang.main(
-            mug_hang.MugHangOptions(
-                trials=options.trials,
-                seed=options.seed,
-                detector=options.detector,
-                workers=workers,
-                out=folder,
-            )
-        )
-        wall_s = json.loads((folder / "summary.json").read_text())["wall_s"]
-        runs.append((read_records(folder / "trials.jsonl"), wall_s))
-    (alone, alone_wall_s), (both, wall_s) = runs
+    console = Console()
+    alone, alone_wall_s = timed_run(options, workers=1)
+    both, wall_s = timed_run(options, workers=2)
     found = figures(alone, alone_wall_s, both, wall_s)
     table = Table("figure", "measured", "promised", "")
     for figure in found:

@@ -1,12 +1,14 @@
 """Recorded problems are those that a trial's planner is asked; regions grow from their plans."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers_planning import UPRIGHT, mug_problem
 
 from planning.problem import PlanningProblem, Subgoal
-from planning.problem_files import load_problems
+from planning.problem_files import load_problems, save_problems
 from planning.regions import load_regions
 from scenarios import grow_regions
 from scenarios.grow_regions import GrowOptions
@@ -18,8 +20,10 @@ from scenarios.record_problems import (
     record_problem,
     specs_of,
 )
+from split_drake.layout import Layout
 from split_drake.panda import Q_HOME
 from split_drake.pose_set import PoseTask
+from split_drake.poses import make_pose
 
 HANG = "hang-oracle-test-0"
 
@@ -50,6 +54,17 @@ def test_regions_grow_from_plans(file: Path, tmp_path: Path) -> None:
     assert regions.covers(Q_HOME[None]).all()
 
 
+def test_regions_do_not_grow_from_problems_of_another_station(tmp_path: Path) -> None:
+    here = mug_problem(Subgoal.HANG, UPRIGHT)
+    moved = replace(here, layout=Layout(X_WK=make_pose(p=(0.4, -0.38, 0.40))))
+    elsewhere = tmp_path / "elsewhere.npz"
+    save_problems(elsewhere, {"here": here, "moved": moved})
+    options = GrowOptions(problems=elsewhere, plans=1, max_regions=1, out=tmp_path / "r.npz")
+    with pytest.raises(ValueError, match=r"elsewhere\.npz.*'moved'.*record_problems"):
+        grow_regions.main(options)
+    assert not options.out.exists()
+
+
 def test_shipped_problems_are_of_both_tasks_and_plenty() -> None:
     problems = load_problems(SHIPPED_PROBLEMS)
     assert len(problems) >= 200
@@ -57,9 +72,24 @@ def test_shipped_problems_are_of_both_tasks_and_plenty() -> None:
     assert SHIPPED_PROBLEMS.stat().st_size < 5e6
 
 
-def test_options_that_make_no_sense_are_errors() -> None:
-    for options, match in (({"count": 0}, "count is 0"), ({"tasks": ()}, "at least one")):
-        with pytest.raises(ValueError, match=match):
-            RecordOptions(**options)
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"count": 0}, "count is 0"),
+        ({"tasks": ()}, "at least one"),
+        ({"tasks": ("hang", "hang")}, "tasks names one twice.*hang"),
+        ({"detectors": ("oracle", "oracle")}, "detectors names one twice.*oracle"),
+        ({"seed": -1}, "seed is -1"),
+        ({"noise_m": -0.001}, "noise-m is -0.001"),
+        ({"noise_m": float("nan")}, "noise-m is nan"),
+        ({"workers": 0}, "workers is 0"),
+    ],
+)
+def test_options_that_make_no_sense_are_errors(options: dict, match: str) -> None:
+    with pytest.raises(ValueError, match=match):
+        RecordOptions(**options)
+
+
+def test_growing_needs_a_plan() -> None:
     with pytest.raises(ValueError, match="plans is 0"):
         GrowOptions(plans=0)

@@ -1,15 +1,19 @@
 """The figures of the speed command, from records whose times are known."""
 
+from pathlib import Path
+
 import pytest
 
+from scenarios import mug_hang
 from scenarios.records import TrialRecord
-from scenarios.speed import GIB, figures
+from scenarios.speed import GIB, SpeedOptions, figures, main
+from split_drake.files import write_json
 
 
-def record(planning_s: float, memory_gib: float) -> TrialRecord:
+def record(index: int, planning_s: float = 0.9, memory_gib: float = 0.5) -> TrialRecord:
     return TrialRecord(
-        index=0,
-        seed=0,
+        index=index,
+        seed=index,
         mug="test_000",
         mug_diameter_m=0.07,
         outcome="success",
@@ -20,9 +24,9 @@ def record(planning_s: float, memory_gib: float) -> TrialRecord:
 
 
 def test_figures_are_those_of_the_records() -> None:
-    alone = [record(planning_s, 0.4) for planning_s in (0.5, 0.9, 2.5)]
-    both = [record(0.9, 0.5), record(0.9, 1.75)]
-    found = {figure.name.split(",")[0]: figure for figure in figures(alone, 30.0, both, 15.0)}
+    alone = [record(i, planning_s, 0.4) for i, planning_s in enumerate((0.5, 0.9, 2.5))]
+    both = [record(i, 0.9, memory_gib) for i, memory_gib in enumerate((0.5, 1.75, 0.5))]
+    found = {figure.name.split(",")[0]: figure for figure in figures(alone, 45.0, both, 22.5)}
     assert {name: figure.value for name, figure in found.items()} == {
         "planning": 0.9,
         "simulated s a second": 4.0,
@@ -31,6 +35,44 @@ def test_figures_are_those_of_the_records() -> None:
         "two workers": 2.0,
     }
     assert [name for name, figure in found.items() if not figure.met] == ["GiB a worker"]
+
+
+@pytest.mark.parametrize(
+    ("held", "match", "begun"),
+    [
+        ({1: 2, 2: 3}, r"1_workers holds 2 of 3 trials: the run was interrupted", [1]),
+        ({1: 3, 2: 1}, r"2_workers holds 1 of 3 trials: the run was interrupted", [1, 2]),
+        ({1: 4, 2: 3}, r"1_workers holds 4 trials, --trials is 3", [1]),
+    ],
+)
+def test_only_whole_runs_of_the_same_trials_are_compared(
+    held: dict[int, int],
+    match: str,
+    begun: list[int],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    runs = []
+
+    def run(options: mug_hang.MugHangOptions) -> Path:
+        """Leave what a run leaves that has ended after as many trials as `held` says."""
+        folder = options.out or tmp_path
+        folder.mkdir(parents=True)
+        lines = [record(index).to_json() + "\n" for index in range(held[options.workers])]
+        (folder / "trials.jsonl").write_text("".join(lines))
+        write_json(folder / "summary.json", {"wall_s": 30.0})
+        runs.append(options.workers)
+        return folder
+
+    monkeypatch.setattr(mug_hang, "main", run)
+    with pytest.raises(ValueError, match=match):
+        main(SpeedOptions(out=tmp_path, trials=3))
+    assert runs == begun
+
+
+def test_different_trials_are_not_compared() -> None:
+    with pytest.raises(ValueError, match="3 trials by one worker and 2 by two"):
+        figures([record(i) for i in range(3)], 30.0, [record(i) for i in range(2)], 15.0)
 
 
 def test_trials_that_never_planned_are_no_measure() -> None:
