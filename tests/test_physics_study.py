@@ -63,12 +63,12 @@ def test_a_held_mug_stays_in_every_contact_model(model: str, tmp_path: Path) -> 
 
 def test_slippery_mugs_slip_further(tmp_path: Path) -> None:
     default = next(cell for cell in CELLS if cell.name == "hold: default")
-    slippery = replace(default, station=StationConfig(friction=0.05))
-    kept, lost = (
+    slippery = replace(default, station=StationConfig(friction=0.02))
+    kept, sliding = (
         run_study_trial(StudyTrial(cell, 0, 3, 0.5, tmp_path)) for cell in (default, slippery)
     )
     assert kept.succeeded
-    assert lost.outcome == "slipped"
+    assert sliding.figures["slip_m"] > 10.0 * kept.figures["slip_m"]
 
 
 def test_a_study_of_one_trial_a_cell_goes_on_and_reports(tmp_path: Path) -> None:
