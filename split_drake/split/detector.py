@@ -35,9 +35,8 @@ class SamplerConfig:
         start_margin_m: the samples start uniformly in the box around the scene's points, widened by
             this much.
         threshold: poses that the evaluator scores lower are rejected.  It was trained to accept
-            poses perturbed by less than `BatchConfig.evaluator_limit`; its focal loss keeps scores
-            near a half, so that they rank poses but are no probabilities.  This threshold rejects a
-            few poses in a hundred.
+            poses perturbed by less than `BatchConfig.evaluator_limit`; scores
+            rank poses but are no probabilities.  This threshold rejects a few poses in a hundred.
     """
 
     samples: int = 256
