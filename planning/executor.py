@@ -50,7 +50,8 @@ class SegmentLog:
     Attributes:
         name: of the segment.
         duration_s: for which it was executed, in simulated time.
-        tracking_error_rad: largest error of any joint against its command.
+        tracking_error_rad: largest error of any joint against its command, which moves on at the
+            commanded velocity until the next one.
         opening_m: measured at the end.
         stopped_by_contact: whether it ended early because the object touched something.
         force_n: largest change of the force at the gripper, where the segment looks at it.
@@ -140,7 +141,7 @@ class Executor:
         for count, (time, q, v) in enumerate(samples, start=1):
             left = offset * (1.0 - _smooth(time / trajectory.duration_s)) if sheds else offset
             self._step(segment, q + left, v, time / trajectory.duration_s)
-            error = max(error, float(np.abs(robot.q - q - left).max()))
+            error = max(error, float(np.abs(robot.q - q - left - SAMPLE_S * v).max()))
             if np.isfinite(limit_n) and time > CONTACT_AFTER_S:
                 change = gripper_force(robot.q, robot.joint_torques_nm - torques)
                 force = max(force, float(np.linalg.norm(change)))

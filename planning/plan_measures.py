@@ -52,7 +52,7 @@ class PlanMeter:
     """
 
     def __init__(self, layout: Layout) -> None:
-        self._checker = static_checker(layout, hook_margin_m=0.0)
+        self._checker = static_checker(layout, hook_margin_m=0.0, table_margin_m=0.0)
         self._hook = hook_capsules(layout)
 
     def measure(self, plan: Plan, p_WPs: Array) -> PlanMeasures:

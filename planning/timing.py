@@ -17,7 +17,9 @@ from split_drake.poses import Array
 SAMPLE_S = 0.01
 # Paths are interpolated through points this close, so that corners are rounded only within it.
 KNOT_STEP_RAD = 0.05
-MAX_GRID_POINTS = 150
+# Toppra sees the limits at the points of its grid: with fewer of them between two knots it drives
+# around the corners of long paths at up to 26 times its acceleration limit.
+GRID_POINTS_PER_KNOT = 8
 # Knots closer than this are merged: the curvature between them would mean nothing.
 MIN_KNOT_STEP_RAD = 1e-3
 # Less than this is no motion: Toppra ends the process over it.
@@ -80,7 +82,7 @@ def _smooth_timing(knots: Array, speed: Speed) -> PathParameterizedTrajectory | 
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
     fingers = np.zeros((len(knots), 2))
     path = PiecewisePolynomial.CubicShapePreserving(lengths, np.hstack([knots, fingers]).T)
-    grid = np.linspace(0.0, lengths[-1], min(MAX_GRID_POINTS, 4 * len(knots)))
+    grid = np.linspace(0.0, lengths[-1], GRID_POINTS_PER_KNOT * len(knots))
     toppra = Toppra(path, _plant(), grid)
     limits = arm_limits()
     toppra.AddJointVelocityLimit(*_bounds(speed.velocity * limits.v_max))

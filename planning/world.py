@@ -31,8 +31,11 @@ SPARSE_STEP = 6
 POINT_RADIUS_M = 0.006
 # Held points that are nearer than by this much to touching the palm count as touching it.
 TOLERATED_M = 0.001
-# The robot stays this far from the hook.
+# The robot stays this far from hook and table, and further from the table where it moves fast, which
+# is where it declares no contact: the arm follows its commands within some millirad, and is a metre
+# long.
 HOOK_MARGIN_M = 0.004
+TABLE_MARGIN_M, FAST_TABLE_MARGIN_M = 0.002, 0.006
 
 BoolArray = NDArray[np.bool_]
 
@@ -62,18 +65,21 @@ class CollisionWorld:
     """Checks configurations of the arm against everything around it.
 
     Attributes:
-        checker: of the robot against the static station and itself.
+        checker: of the robot against the static station and itself, with margins.
         layout: of the station.
     """
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
-        self.checker = static_checker(layout, HOOK_MARGIN_M)
+        self.checker = static_checker(layout, HOOK_MARGIN_M, TABLE_MARGIN_M)
+        self._wary_checker = static_checker(layout, HOOK_MARGIN_M, FAST_TABLE_MARGIN_M)
         self._peg, self._post = hook_capsules(layout)
 
     def free(self, qs: Array, situation: Situation) -> BoolArray:
         """Return (N,): which configurations (N, 7) touch nothing that is not allowed."""
-        free = np.array([self._static_free(q, situation.opening_m) for q in qs], dtype=bool)
+        checker = self.checker if situation.allowed else self._wary_checker
+        arms = [panda_positions(q, situation.opening_m) for q in qs]
+        free = np.array([checker.CheckConfigCollisionFree(arm) for arm in arms], dtype=bool)
         if free.any():
             free[free] = self._object_free(qs[free], situation)
         return free
@@ -89,9 +95,6 @@ class CollisionWorld:
         return bool(
             self.free(dense[sparse], situation).all() and self.free(dense[~sparse], situation).all()
         )
-
-    def _static_free(self, q: Array, opening_m: float) -> bool:
-        return bool(self.checker.CheckConfigCollisionFree(panda_positions(q, opening_m)))
 
     def _object_free(self, qs: Array, situation: Situation) -> BoolArray:
         free = np.ones(len(qs), dtype=bool)
@@ -208,8 +211,10 @@ def _arm_free(X_WLs: Array, p_WPs: Array, last_link: int) -> BoolArray:
     return free
 
 
-def static_checker(layout: Layout, hook_margin_m: float) -> SceneGraphCollisionChecker:
-    """Return the checker of the robot against table, hook (widened by a margin) and itself."""
+def static_checker(
+    layout: Layout, hook_margin_m: float, table_margin_m: float
+) -> SceneGraphCollisionChecker:
+    """Return the checker of the robot against table and hook, grown by margins, and itself."""
     hook = replace(
         layout.hook,
         peg_radius_m=layout.hook.peg_radius_m + hook_margin_m,
@@ -219,7 +224,7 @@ def static_checker(layout: Layout, hook_margin_m: float) -> SceneGraphCollisionC
     )
     builder = RobotDiagramBuilder(time_step=0.001)
     panda = add_panda(builder.plant())
-    add_table(builder.plant(), layout)
+    add_table(builder.plant(), layout, table_margin_m)
     add_hook(builder.plant(), replace(layout, hook=hook))
     return SceneGraphCollisionChecker(
         model=builder.Build(),

@@ -6,11 +6,14 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from pydrake.systems.framework import Context
 
+from split_drake.contacts import penetration_m
 from split_drake.oracle import Truth
-from split_drake.panda import FINGER_BODIES, arm_limits, weight_torques_nm
+from split_drake.panda import FINGER_BODIES, MOVING_BODIES, arm_limits, weight_torques_nm
 from split_drake.station import Station
 
 MAX_PAD_DEPTH_M = 0.002
+# No robot is ever to touch these.
+_FIXTURES = ("table", "hook")
 # Joints' states are looked at after every step of the plant, pads and the arm's weight this often.
 _LOOK_S = 0.01
 
@@ -25,12 +28,14 @@ class Peaks:
         torque_share: largest share of a joint's torque limit, the torque that carries the arm's
             own weight included.
         pad_depth_m: deepest overlap of the pads' and the mug's collision shapes.
+        fixture_depth_m: deepest overlap of the robot's with the table's and the hook's.
     """
 
     position_margin_rad: float = float("inf")
     velocity_share: float = 0.0
     torque_share: float = 0.0
     pad_depth_m: float = 0.0
+    fixture_depth_m: float = 0.0
 
     def exceeded(self) -> tuple[str, ...]:
         """Return what went beyond its limit, with the values."""
@@ -39,6 +44,7 @@ class Peaks:
             (self.velocity_share > 1.0, f"velocity {self.velocity_share:.0%}"),
             (self.torque_share > 1.0, f"torque {self.torque_share:.0%}"),
             (self.pad_depth_m > MAX_PAD_DEPTH_M, f"pads {1e3 * self.pad_depth_m:.1f} mm deep"),
+            (self.fixture_depth_m > 0.0, f"robot {1e3 * self.fixture_depth_m:.1f} mm in fixtures"),
         )
         return tuple(text for beyond, text in checks if beyond)
 
@@ -57,6 +63,7 @@ def worst(peaks: Iterable[Peaks]) -> Peaks | None:
         max(each.velocity_share for each in every),
         max(each.torque_share for each in every),
         max(each.pad_depth_m for each in every),
+        max(each.fixture_depth_m for each in every),
     )
 
 
@@ -73,7 +80,7 @@ class LimitLog:
         self._truth = truth
         self._limits = arm_limits()
         self._margin_rad = float("inf")
-        self._velocity = self._torque = self._depth_m = 0.0
+        self._velocity = self._torque = self._depth_m = self._fixture_depth_m = 0.0
         self._weight_nm = weight_torques_nm(station.q)
         self._next_look_s = station.time_s
         station.simulator.set_monitor(self._watch)
@@ -81,7 +88,8 @@ class LimitLog:
     @property
     def peaks(self) -> Peaks:
         """The extremes so far."""
-        return Peaks(self._margin_rad, self._velocity, self._torque, self._depth_m)
+        depths = (self._depth_m, self._fixture_depth_m)
+        return Peaks(self._margin_rad, self._velocity, self._torque, *depths)
 
     def _watch(self, context: Context) -> None:
         limits, q = self._limits, self._station.q
@@ -89,6 +97,9 @@ class LimitLog:
             self._next_look_s += _LOOK_S
             self._weight_nm = weight_torques_nm(q)
             self._depth_m = max(self._depth_m, self._truth.penetration_m(FINGER_BODIES))
+            station = self._station
+            depth_m = penetration_m(station.plant, station.plant_context, MOVING_BODIES, _FIXTURES)
+            self._fixture_depth_m = max(self._fixture_depth_m, depth_m)
         torques = self._station.joint_torques_nm + self._weight_nm
         margin = min((q - limits.q_lower).min(), (limits.q_upper - q).min())
         self._margin_rad = min(self._margin_rad, float(margin))

@@ -6,6 +6,7 @@ and a planner's collision checker stand on the same geometry.
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import trimesh
@@ -66,9 +67,11 @@ def hook_primitives(layout: Layout) -> tuple[Primitive, Primitive]:
     return peg, Primitive("cylinder", (hook.post_radius_m, post_height), X_KPost)
 
 
-def add_table(plant: MultibodyPlant, layout: Layout) -> RigidBody:
-    """Add the table, welded to the world, and return its body."""
-    return _add_fixed(plant, TABLE_BODY, np.eye(4), (table_primitive(layout),), _TABLE_RGBA)
+def add_table(plant: MultibodyPlant, layout: Layout, margin_m: float = 0.0) -> RigidBody:
+    """Add the table, grown by a margin on all sides, welded to the world; return its body."""
+    table = table_primitive(layout)
+    table = replace(table, size=tuple(edge + 2.0 * margin_m for edge in table.size))
+    return _add_fixed(plant, TABLE_BODY, np.eye(4), (table,), _TABLE_RGBA)
 
 
 def add_hook(plant: MultibodyPlant, layout: Layout) -> RigidBody:

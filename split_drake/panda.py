@@ -26,6 +26,7 @@ ARM_JOINTS = tuple(f"panda_joint{number}" for number in range(1, 8))
 FINGER_JOINTS = ("panda_finger_joint1", "panda_finger_joint2")
 FINGER_BODIES = ("panda_leftfinger", "panda_rightfinger")
 HAND_BODIES = ("panda_hand", *FINGER_BODIES)
+MOVING_BODIES = (*(f"panda_link{number}" for number in range(1, 8)), *HAND_BODIES)
 GRIPPER_FRAME = "gripper"
 
 # The hand hangs over the table between the base and the workspace, behind every line of sight from

@@ -35,7 +35,7 @@ from split_drake.station_steps import (
 class Station:
     """One diagram with named ports, and its simulator.
 
-    Input ports of the diagram: `arm` (14,) and `gripper` (2,), see ArmCommandSystem.  Output ports:
+    Input ports of the diagram: `arm` (15,) and `gripper` (2,), see ArmCommandSystem.  Output ports:
     `<camera>.depth_image`, `panda_state` (18,), `panda_torques` (9,), and with a detector `scene`
     and `pose_sets`.  The cameras cost nothing until they are read.
 
@@ -86,10 +86,10 @@ class Station:
     # What the robot is told.
 
     def command(self, q: ArrayLike, v: ArrayLike, opening_m: float, force_n: float) -> None:
-        """Set the desired state until the next command.
+        """Set the desired state from now to the next command.
 
         Args:
-            q, v: (7,) joint angles and velocities, rad and rad/s.
+            q, v: (7,) joint angles now and velocities for the next 10 ms, rad and rad/s.
             opening_m: distance between the pads, at most 0.08; below 0 the force limit acts.
             force_n: limit of each finger's force, at most 40.
         """
@@ -98,7 +98,7 @@ class Station:
             raise ValueError(f"q and v are {q!r} and {v!r}; expected 7 finite numbers each")
         if not opening_m <= MAX_OPENING_M + 1e-9:
             raise ValueError(f"opening_m is {opening_m}; expected at most {MAX_OPENING_M}")
-        self.diagram.GetInputPort("arm").FixValue(self._context, arm)
+        self.diagram.GetInputPort("arm").FixValue(self._context, np.append(arm, self.time_s))
         gripper = np.array([opening_m, check_force(force_n)])
         self.diagram.GetInputPort("gripper").FixValue(self._context, gripper)
 

@@ -24,6 +24,7 @@ class PerfectRobot:
     q: Array = field(default_factory=Q_HOME.copy)
     opening_m: float = 0.08
     time_s: float = 0.0
+    _v: Array = field(default_factory=lambda: np.zeros(7))
 
     @property
     def joint_torques_nm(self) -> Array:
@@ -33,12 +34,13 @@ class PerfectRobot:
     def command(self, q: Array, v: Array, opening_m: float, force_n: float) -> None:
         assert q.shape == v.shape == (7,)
         assert force_n > 0.0
-        self.q = q.copy()
+        self.q, self._v = q.copy(), v.copy()
         held_m = self.object_m if self.time_s < self.lost_s else 0.0
         self.opening_m = max(opening_m, held_m)
 
     def advance(self, duration_s: float) -> None:
         self.time_s += duration_s
+        self.q = self.q + duration_s * self._v
 
     def capture(self) -> tuple[DepthView, ...]:
         return ()

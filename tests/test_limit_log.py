@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers_planning import configuration
 
 from scenarios.limit_log import LimitLog, Peaks, worst
 from scenarios.records import TrialRecord, worst_peaks
@@ -38,6 +39,19 @@ def test_a_commanded_jump_is_seen_as_too_fast() -> None:
     assert any(text.startswith("velocity") for text in log.peaks.exceeded())
 
 
+def test_a_hand_in_the_table_is_seen() -> None:
+    station = Station(objects=[load_mug("test_004").body])
+    log = LimitLog(station, Truth(station))
+    station.advance(0.02)
+    assert log.peaks.fixture_depth_m == 0.0
+    q_in_table = configuration((0.5, 0.3, 0.0))
+    station.set_arm(q_in_table, 0.08)
+    station.command(q_in_table, np.zeros(7), 0.08, 40.0)
+    station.advance(0.02)
+    assert 0.001 < log.peaks.fixture_depth_m < 0.015
+    assert any(text.endswith("in fixtures") for text in log.peaks.exceeded())
+
+
 def test_weight_torques_lift_the_arm() -> None:
     stretched = np.array([0.0, np.pi / 2.0, 0.0, -0.1, 0.0, 1.6, 0.0])
     # Joint 2 carries all of an arm stretched forwards; joint 1, about the vertical, nothing.
@@ -52,6 +66,7 @@ def test_weight_torques_lift_the_arm() -> None:
         ({"velocity_share": 1.2}, "velocity 120%"),
         ({"torque_share": 1.01}, "torque 101%"),
         ({"pad_depth_m": 0.0025}, "pads 2.5 mm deep"),
+        ({"fixture_depth_m": 0.0004}, "robot 0.4 mm in fixtures"),
     ],
 )
 def test_what_is_exceeded_is_named(change: dict[str, float], text: str) -> None:

@@ -106,6 +106,14 @@ def test_timing_keeps_the_limits_and_the_path(speed: Speed) -> None:
     assert corner < EDGE_STEP_RAD
 
 
+def test_the_corners_of_long_paths_keep_the_limits_as_well() -> None:
+    rng = np.random.default_rng(1)
+    path = Q_HOME + rng.uniform(-0.6, 0.6, (9, 7))
+    accelerations = np.diff(time_path(path, FREE).vs, axis=0) / SAMPLE_S
+    # The last step is shorter than the others.
+    assert np.all(np.abs(accelerations[:-1]) <= 2.0 * FREE.acceleration * arm_limits().a_max)
+
+
 @pytest.mark.parametrize("middle", [[0.3, 0.3 + 1e-6], [0.3, 0.0], [0.3, 0.3, 1e-5]])
 def test_paths_that_dwell_or_turn_back_are_driven_in_seconds(middle: list[float]) -> None:
     qs = np.tile(Q_HOME, (len(middle) + 2, 1))

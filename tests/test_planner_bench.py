@@ -176,7 +176,7 @@ def test_measures_grow_with_what_they_measure() -> None:
 
 def test_clearance_is_of_the_surroundings_and_not_of_the_robot_itself() -> None:
     folded = np.array([0.0, -1.7, 0.0, -3.05, 0.0, 0.0, 0.78])
-    checker = static_checker(Layout(), hook_margin_m=0.0)
+    checker = static_checker(Layout(), hook_margin_m=0.0, table_margin_m=0.0)
     itself = checker.CalcRobotClearance(panda_positions(folded, 0.04), FARTHEST_M)
     assert min(itself.distances()) < 0.01
     meter, far = PlanMeter(Layout()), np.array([[1.4, 0.0, 0.0]])

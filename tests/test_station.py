@@ -44,14 +44,15 @@ def _hold(station: Station, box_opening_m: float, force_n: float) -> None:
 def test_arm_tracks_a_smooth_move_within_5_mrad() -> None:
     station = Station()
     step, amplitude = np.array([0.5, 0.3, -0.4, 0.5, 0.5, 0.4, -0.6]), np.pi / 1.2
+    phases = amplitude * np.arange(0.0, 1.2, 0.01)
+    qs = Q_HOME + step * (1.0 - np.cos(phases))[:, None] / 2.0
+    vs = step * amplitude * np.sin(phases)[:, None] / 2.0
     errors = []
-    for time_s in np.arange(0.0, 1.2, 0.01) + 0.01:
-        phase = amplitude * time_s
-        q = Q_HOME + step * (1.0 - np.cos(phase)) / 2.0
-        station.command(q, step * amplitude * np.sin(phase) / 2.0, MAX_OPENING_M, MAX_FORCE_N)
+    for q, v, q_next in zip(qs[:-1], vs[:-1], qs[1:], strict=True):
+        station.command(q, v, MAX_OPENING_M, MAX_FORCE_N)
         station.advance(0.01)
-        errors.append(np.abs(station.q - q).max())
-    assert max(errors) < 0.005
+        errors.append(np.abs(station.q - q_next).max())
+    assert max(errors) < 0.003
     np.testing.assert_allclose(station.q, Q_HOME + step, atol=2e-3)
 
 
@@ -134,6 +135,19 @@ def test_same_start_gives_the_same_motion(mug: MugShape) -> None:
         station.advance(0.5)
         poses.append(Truth(station).X_WO())
     np.testing.assert_array_equal(*poses)
+
+
+def test_commands_move_on_at_their_velocity_for_one_period() -> None:
+    station = Station()
+    v = np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    system = station.diagram.GetSubsystemByName("command")
+    desired = system.GetOutputPort("desired_state")
+    station.command(Q_HOME, v, 0.08, 40.0)
+    for elapsed_s in (0.004, 0.006, 0.020):
+        station.advance(elapsed_s)
+        moved = 0.5 * min(station.time_s, 0.01)
+        context = system.GetMyContextFromRoot(station.simulator.get_context())
+        np.testing.assert_allclose(desired.Eval(context)[:7], Q_HOME + [moved, *np.zeros(6)])
 
 
 def test_several_objects_stand_apart_by_default() -> None:

@@ -153,7 +153,7 @@ class HandRig:
         return self._plant.GetMyMutableContextFromRoot(self._context)
 
     def _command(self, opening_m: float) -> None:
-        self._diagram.GetInputPort("arm").FixValue(self._context, np.r_[Q_HOME, np.zeros(7)])
+        self._diagram.GetInputPort("arm").FixValue(self._context, np.r_[Q_HOME, np.zeros(8)])
         gripper = np.array([opening_m, MAX_FORCE_N])
         self._diagram.GetInputPort("gripper").FixValue(self._context, gripper)
 
