@@ -22,6 +22,7 @@ class AttemptLimits:
         placements: ways of placing that are tried out of one hand; at least 1.
         reorientations: how often an object is stood upright before hanging it is given up.
         looks: perceptions in a row from which no plan came.
+        ways_out: that are tried out of an object which the open hand is caught on.
         held_views: whether what was lifted is looked at, and placed as it lies in the hand.
 
     Raises ValueError where one of them is too small.
@@ -31,15 +32,17 @@ class AttemptLimits:
     placements: int = 3
     reorientations: int = 1
     looks: int = 2
+    ways_out: int = 3
     held_views: bool = True
 
     @classmethod
     def without_feedback(cls) -> Self:
         """Return limits under which plans are executed as they are, and nothing is tried twice."""
-        return cls(picks=1, placements=1, looks=1, held_views=False)
+        return cls(picks=1, placements=1, looks=1, ways_out=0, held_views=False)
 
     def __post_init__(self) -> None:
-        for name, least in (("picks", 1), ("placements", 1), ("reorientations", 0), ("looks", 1)):
+        leasts = {"picks": 1, "placements": 1, "reorientations": 0, "looks": 1, "ways_out": 0}
+        for name, least in leasts.items():
             if getattr(self, name) < least:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least {least}")
 

@@ -133,10 +133,14 @@ class Executor:
 
         An arm that was stopped early keeps its offset while it lets go and draws back, where its
         place relative to the object counts, and sheds it on the next free motion.
+
+        What is felt is the change since the segment's start, when the arm may carry something; a
+        hand that draws back carries nothing, but may touch something from the start.
         """
         robot, trajectory = self.robot, segment.trajectory
         sheds = segment.name in (SegmentName.TRANSIT, SegmentName.TRANSFER)
-        torques, limit_n, error, force = robot.joint_torques_nm, force_limit_n(segment), 0.0, 0.0
+        limit_n, error, force = force_limit_n(segment), 0.0, 0.0
+        torques = np.zeros(7) if segment.name is SegmentName.RETREAT else robot.joint_torques_nm
         samples = zip(trajectory.times_s, trajectory.qs, trajectory.vs, strict=True)
         for count, (time, q, v) in enumerate(samples, start=1):
             left = offset * (1.0 - _smooth(time / trajectory.duration_s)) if sheds else offset

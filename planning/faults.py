@@ -14,6 +14,13 @@ SLIP_M = 0.002
 CONTACT_FORCE_N = 4.0
 # One that counts as an obstacle on the way in: the arm's own inertia makes up to 25 N.
 BLOCKING_FORCE_N = 35.0
+# One that counts as the object being drawn along by the open hand, slow as that moves: two to four
+# newtons are felt on a free way.
+CATCHING_FORCE_N = 12.0
+_FORCE_LIMITS_N = {
+    SegmentName.INSERT: BLOCKING_FORCE_N,
+    SegmentName.RETREAT: CATCHING_FORCE_N,
+}
 # What failed where the hand turns out to be empty after a segment.
 LOSS_STAGES = {
     SegmentName.CLOSE: Stage.GRASP,
@@ -25,11 +32,12 @@ LOSS_STAGES = {
 
 
 class Fault(StrEnum):
-    """What can go wrong in a segment; after all but EMPTY the object is still in the hand."""
+    """What can go wrong in a segment; after SLIPPED and BLOCKED the object is still in the hand."""
 
     EMPTY = "empty"
     SLIPPED = "slipped"
     BLOCKED = "blocked"
+    CAUGHT = "caught"
 
 
 @dataclass(frozen=True)
@@ -42,10 +50,10 @@ class FoundFault:
 
 
 def force_limit_n(segment: Segment) -> float:
-    """Return the change of the force at the gripper at which the segment is to stop."""
+    """Return the force at the gripper, N, at which the segment is to stop."""
     if segment.stop_on_contact:
         return CONTACT_FORCE_N
-    return BLOCKING_FORCE_N if segment.name is SegmentName.INSERT else float("inf")
+    return _FORCE_LIMITS_N.get(segment.name, float("inf"))
 
 
 def find_fault(
@@ -59,6 +67,9 @@ def find_fault(
         opening_before_m, opening_m: measured distance between the pads at its start and end.
     """
     name = segment.name
+    if name is SegmentName.RETREAT and stopped:
+        reason = f"the open hand is caught on the object: more than {CATCHING_FORCE_N:g} N"
+        return FoundFault(Fault.CAUGHT, Stage.PLACEMENT, reason)
     if name in LOSS_STAGES and opening_m < EMPTY_OPENING_M:
         reason = f"the hand is empty after {name}: its opening is {1e3 * opening_m:.1f} mm"
         return FoundFault(Fault.EMPTY, LOSS_STAGES[name], reason)

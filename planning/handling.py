@@ -12,8 +12,17 @@ from planning.faults import Fault
 from planning.held_view import HeldView, view_held
 from planning.kinematics import gripper_pose
 from planning.planner import Planner
-from planning.problem import Plan, PlanFailure, PlanningProblem, Segment, SegmentName, Stage
+from planning.problem import (
+    Plan,
+    PlanFailure,
+    PlanningProblem,
+    Segment,
+    SegmentName,
+    Stage,
+    Subgoal,
+)
 from planning.recovery import Recovery
+from planning.timing import SAMPLE_S
 from split_drake.layout import Layout
 from split_drake.poses import Array, invert_pose, rotation_error_rad, transform_points
 
@@ -107,6 +116,8 @@ class _Handling:
             whole, done = replace(placed, logs=done.logs + placed.logs), _NOTHING
             if placed.fault is Fault.EMPTY:
                 return self._lost(self._plan.place, placed, whole)
+            if placed.fault is Fault.CAUGHT:
+                return self._eased_out(placed, whole)
             self._note(self._plan, whole)
             if placed.completed:
                 return Handled(tuple(self._attempts), home=False)
@@ -183,6 +194,28 @@ class _Handling:
         self._note(self._plan, whole)
         self._recovery.withdraw(segments, execution)
         return self._ended("drew back", self._go_home())
+
+    def _eased_out(self, placed: ExecutionResult, whole: ExecutionResult) -> Handled:
+        """Lead the open hand out of what it let go of, and note the attempt with its outcome."""
+        tries = self._handler.limits.ways_out
+        out = self._recovery.ease_out(self._released(placed), tries) if tries else None
+        if out is None:
+            self._note(self._plan, whole)
+            return self._ended("no way out was tried", home=False)
+        self._note(self._plan, replace(out, logs=whole.logs + out.logs))
+        if out.completed and self._plan.subgoal is Subgoal.HANG:
+            return self._ended("eased the hand out", home=True)
+        return self._ended("eased the hand out", out.completed and self._go_home())
+
+    def _released(self, placed: ExecutionResult) -> Array:
+        """Return the object's points (N, 3) in W where it was let go."""
+        executed = zip(self._plan.place, placed.logs, strict=False)
+        *_, (loaded, log) = (pair for pair in executed if pair[0].holding)
+        q = loaded.trajectory.qs[round(log.duration_s / SAMPLE_S) - 1]
+        assert self._held is not None  # it was looked at before it was placed
+        X_EW = invert_pose(self._taking.X_WGrasp)
+        X_WMoved = gripper_pose(q) @ self._held.X_GE @ X_EW
+        return transform_points(X_WMoved, self._perception.scene.p_WPs)
 
     def _put_down(self) -> Handled:
         self._recovery.put_down(self._taking)

@@ -12,7 +12,8 @@ from planning.motion import NoMotion, free_motion
 from planning.perceived import OBSTACLE_VOXEL_M, voxel_centroids
 from planning.problem import AllowedContact, JointTrajectory, Plan, Segment, SegmentName
 from planning.segments import SegmentBuilder, opening_segment
-from planning.timing import CAREFUL, FEELING, FREE, LOADED, SAMPLE_S, Speed, time_path
+from planning.timing import FEELING, FREE, LOADED, SAMPLE_S, WARY, Speed, time_path
+from planning.way_out import WayOut
 from planning.world import CollisionWorld, Situation
 from split_drake.gripper import MAX_OPENING_M
 from split_drake.layout import Layout
@@ -46,6 +47,11 @@ class Recovery:
     def withdraw(self, segments: Sequence[Segment], execution: ExecutionResult) -> None:
         """Draw the empty hand back from where it closed, or from the hook."""
         self._executor.run(withdrawal(segments, execution))
+
+    def ease_out(self, p_WReleased: Array, tries: int) -> ExecutionResult | None:
+        """Lead the open hand out of an object (N, 3) that it is caught on, as `WayOut.take`."""
+        points = voxel_centroids(p_WReleased, OBSTACLE_VOXEL_M)
+        return WayOut(self._executor, self._world).take(points, tries)
 
     def go_home(self, rng: np.random.Generator) -> bool:
         """Move home around what the cameras show in the workspace; return whether there is a way.
@@ -98,7 +104,7 @@ def withdrawal(segments: Sequence[Segment], execution: ExecutionResult) -> tuple
         way.append(
             Segment(
                 name=SegmentName.RETREAT,
-                trajectory=_reversed_path(segment, log.duration_s, CAREFUL),
+                trajectory=_reversed_path(segment, log.duration_s, WARY),
                 opening_start_m=0.0,
                 opening_end_m=0.0,
                 force_n=segment.force_n,
@@ -127,7 +133,7 @@ def put_down_segments(plan: Plan) -> tuple[Segment, ...]:
     back = replace(
         approach,
         name=SegmentName.RETREAT,
-        trajectory=_reversed_path(approach, approach.trajectory.duration_s + SAMPLE_S, CAREFUL),
+        trajectory=_reversed_path(approach, approach.trajectory.duration_s + SAMPLE_S, WARY),
     )
     release_m = approach.opening_end_m
     return (felt, opening_segment(qs[-1], release_m, lift.held_width_m, touching), back)

@@ -7,7 +7,7 @@ from planning.perceived import PerceivedObject
 from planning.pick import Pick
 from planning.place import Place
 from planning.problem import AllowedContact, Segment, SegmentName
-from planning.timing import CAREFUL, FEELING, FREE, LOADED, SAMPLE_S, Speed, rest
+from planning.timing import CAREFUL, FEELING, FREE, LOADED, SAMPLE_S, WARY, Speed, rest
 from planning.world import CollisionWorld, Situation
 from split_drake.gripper import MAX_FORCE_N
 from split_drake.poses import Array
@@ -69,7 +69,7 @@ def plan_segments(
         grip.loaded(SegmentName.INSERT, place.insert_qs, CAREFUL, place.inserting),
         grip.loaded(SegmentName.INSERT, place.lower_qs, FEELING, place.lowering, feel=True),
         _open(place, pick),
-        grip.empty(SegmentName.RETREAT, place.retreat_qs, CAREFUL, _allowing(after, _FINGERS)),
+        grip.empty(SegmentName.RETREAT, place.retreat_qs, WARY, _allowing(after, _FINGERS)),
     ]
     if route.away_qs is not None:
         segments.append(grip.empty(SegmentName.TRANSIT, route.away_qs, FREE, after))

@@ -1,0 +1,95 @@
+"""Out of an object that was let go and caught the hand: along what holds it, not against it.
+
+An object swings where the hand lets go of it, and may come to lean on a finger inside it.  The
+finger then pulls it along, unless the hand slides along the surface that it feels.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planning.executor import ExecutionResult, Executor, gripper_force
+from planning.fingers import APPROACH_M
+from planning.ik import follow
+from planning.kinematics import gripper_pose
+from planning.pick import LINE_STEP_M
+from planning.problem import AllowedContact, Segment, SegmentName
+from planning.segments import SegmentBuilder
+from planning.timing import WARY
+from planning.waypoints import shifted, straight_line
+from planning.world import CollisionWorld, Situation
+from split_drake.gripper import MAX_OPENING_M
+from split_drake.poses import Array
+
+# The way out leads away from the surface that was felt at this slope, the others being tried where
+# the arm cannot follow or hits something.
+SLOPES = (0.3, 0.1, 0.6)
+# Friction adds to what is felt against the motion: this share of it is taken to be the surface's.
+NORMAL_SHARE = 0.6
+
+
+@dataclass(frozen=True)
+class WayOut:
+    """Leads an open hand out of an object that it is caught on.
+
+    Attributes:
+        executor: of the segments.
+        world: that the arm moves in.
+    """
+
+    executor: Executor
+    world: CollisionWorld
+
+    def take(self, p_WReleased: Array, tries: int) -> ExecutionResult | None:
+        """Move out as often as it takes; return how, or None where no way is free.
+
+        Args:
+            p_WReleased: (N, 3) points of the object where it was let go.
+            tries: after which the hand stays where it is; at least 1.
+        """
+        done: ExecutionResult | None = None
+        for _ in range(tries):
+            segment = self._segment(p_WReleased)
+            if segment is None:
+                break
+            found = self.executor.run([segment])
+            logs = found.logs if done is None else done.logs + found.logs
+            done = ExecutionResult(found.completed, logs, found.stage, found.reason, found.fault)
+            if done.completed:
+                break
+        return done
+
+    def _segment(self, p_WReleased: Array) -> Segment | None:
+        """Return a straight way along the surface that is felt now, or None."""
+        robot = self.executor.robot
+        opening_m = float(np.clip(robot.opening_m, 0.0, MAX_OPENING_M))
+        touching = frozenset({AllowedContact.FINGERS_TARGET})
+        situation = Situation(opening_m, p_WStanding=p_WReleased, allowed=touching)
+        q = robot.q
+        X_WG = gripper_pose(q)
+        for direction_W in ways_out(X_WG, -gripper_force(q, robot.joint_torques_nm)):
+            end = shifted(X_WG, APPROACH_M * direction_W)
+            path = follow(q, straight_line(X_WG, end, LINE_STEP_M))
+            if path is not None and self.world.path_free(np.vstack([q, path]), situation):
+                qs = np.vstack([q, path])
+                return SegmentBuilder(self.world).empty(SegmentName.RETREAT, qs, WARY, situation)
+        return None
+
+
+def ways_out(X_WG: Array, f_W: Array) -> Array:
+    """Return unit directions (D, 3) in W out of an object, best first.
+
+    Back along the approach, without what of it leads against the surface that pushes the hand, and
+    away from that surface.
+
+    Args:
+        X_WG: (4, 4) gripper.
+        f_W: (3,) force on the gripper, N; not zero.
+    """
+    back = -X_WG[:3, 2]
+    against = (f_W @ back) * back
+    normal = f_W - against + NORMAL_SHARE * against
+    normal = normal / np.linalg.norm(normal)
+    along = back - min(0.0, float(normal @ back)) * normal
+    directions = np.stack([along + slope * normal for slope in SLOPES])
+    return np.asarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))
