@@ -16,6 +16,8 @@ from split_drake.poses import Array
 
 # The force is not looked at while the arm gets moving, which takes force as well.
 CONTACT_AFTER_S = 0.15
+# What an open hand feels from the start of its way back may grow by this factor.
+GROWTH = 1.3
 
 
 class Robot(Protocol):
@@ -135,12 +137,16 @@ class Executor:
         place relative to the object counts, and sheds it on the next free motion.
 
         What is felt is the change since the segment's start, when the arm may carry something; a
-        hand that draws back carries nothing, but may touch something from the start.
+        hand that draws back carries nothing, but may touch something from the start, and goes on
+        as long as that touches it no harder.
         """
         robot, trajectory = self.robot, segment.trajectory
         sheds = segment.name in (SegmentName.TRANSIT, SegmentName.TRANSFER)
-        limit_n, error, force = force_limit_n(segment), 0.0, 0.0
-        torques = np.zeros(7) if segment.name is SegmentName.RETREAT else robot.joint_torques_nm
+        limit_n, torques = force_limit_n(segment), robot.joint_torques_nm
+        if segment.name is SegmentName.RETREAT:
+            at_start_n = float(np.linalg.norm(gripper_force(robot.q, torques)))
+            limit_n, torques = max(limit_n, GROWTH * at_start_n), np.zeros(7)
+        error, force = 0.0, 0.0
         samples = zip(trajectory.times_s, trajectory.qs, trajectory.vs, strict=True)
         for count, (time, q, v) in enumerate(samples, start=1):
             left = offset * (1.0 - _smooth(time / trajectory.duration_s)) if sheds else offset

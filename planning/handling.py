@@ -201,7 +201,7 @@ class _Handling:
         out = self._recovery.ease_out(self._released(placed), tries) if tries else None
         if out is None:
             self._note(self._plan, whole)
-            return self._ended("no way out was tried", home=False)
+            return self._ended("found no way out" if tries else "tried no way out", home=False)
         self._note(self._plan, replace(out, logs=whole.logs + out.logs))
         if out.completed and self._plan.subgoal is Subgoal.HANG:
             return self._ended("eased the hand out", home=True)

@@ -21,9 +21,12 @@ from planning.world import CollisionWorld, Situation
 from split_drake.gripper import MAX_OPENING_M
 from split_drake.poses import Array
 
-# The way out leads away from the surface that was felt at this slope, the others being tried where
-# the arm cannot follow or hits something.
-SLOPES = (0.3, 0.1, 0.6)
+# The way out leads off the surface that was felt by this angle, the others being tried where the
+# arm cannot follow or hits something; and no further than so from the approach.
+EXTRA_RAD = np.radians([15.0, 5.0, 30.0])
+MAX_LEAN_RAD = np.radians(60.0)
+# With less of the force than that across the approach, there is no telling which way to lean.
+MIN_SIDEWAYS = 0.1
 # Friction adds to what is felt against the motion: this share of it is taken to be the surface's.
 NORMAL_SHARE = 0.6
 
@@ -79,17 +82,19 @@ class WayOut:
 def ways_out(X_WG: Array, f_W: Array) -> Array:
     """Return unit directions (D, 3) in W out of an object, best first.
 
-    Back along the approach, without what of it leads against the surface that pushes the hand, and
-    away from that surface.
+    Back along the approach, leaning away from the surface that pushes the hand: as far as it takes
+    to slide along that surface, and then some.  Straight back alone where the force is straight.
 
     Args:
         X_WG: (4, 4) gripper.
-        f_W: (3,) force on the gripper, N; not zero.
+        f_W: (3,) force on the gripper, N.
     """
     back = -X_WG[:3, 2]
-    against = (f_W @ back) * back
-    normal = f_W - against + NORMAL_SHARE * against
-    normal = normal / np.linalg.norm(normal)
-    along = back - min(0.0, float(normal @ back)) * normal
-    directions = np.stack([along + slope * normal for slope in SLOPES])
-    return np.asarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))
+    along = float(f_W @ back)
+    aside = f_W - along * back
+    sideways = float(np.linalg.norm(aside))
+    if sideways <= MIN_SIDEWAYS * np.linalg.norm(f_W):
+        return back[None]
+    surface_rad = np.arctan2(NORMAL_SHARE * max(0.0, -along), sideways)
+    leans = np.minimum(surface_rad + EXTRA_RAD, MAX_LEAN_RAD)[:, None]
+    return np.asarray(np.cos(leans) * back + np.sin(leans) * aside / sideways)

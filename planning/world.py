@@ -31,9 +31,9 @@ SPARSE_STEP = 6
 POINT_RADIUS_M = 0.006
 # Held points that are nearer than by this much to touching the palm count as touching it.
 TOLERATED_M = 0.001
-# The robot stays this far from hook and table, and further from the table where it moves fast, which
-# is where it declares no contact: the arm follows its commands within some millirad, and is a metre
-# long.
+# The robot stays this far from hook and table, and further from the table where it moves fast,
+# which is where it declares no contact: the arm follows its commands within some millirad, and is a
+# metre long.
 HOOK_MARGIN_M = 0.004
 TABLE_MARGIN_M, FAST_TABLE_MARGIN_M = 0.002, 0.006
 

@@ -6,14 +6,11 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from pydrake.systems.framework import Context
 
-from split_drake.contacts import penetration_m
 from split_drake.oracle import Truth
-from split_drake.panda import FINGER_BODIES, MOVING_BODIES, arm_limits, weight_torques_nm
+from split_drake.panda import FINGER_BODIES, arm_limits, weight_torques_nm
 from split_drake.station import Station
 
 MAX_PAD_DEPTH_M = 0.002
-# No robot is ever to touch these.
-_FIXTURES = ("table", "hook")
 # Joints' states are looked at after every step of the plant, pads and the arm's weight this often.
 _LOOK_S = 0.01
 
@@ -97,9 +94,7 @@ class LimitLog:
             self._next_look_s += _LOOK_S
             self._weight_nm = weight_torques_nm(q)
             self._depth_m = max(self._depth_m, self._truth.penetration_m(FINGER_BODIES))
-            station = self._station
-            depth_m = penetration_m(station.plant, station.plant_context, MOVING_BODIES, _FIXTURES)
-            self._fixture_depth_m = max(self._fixture_depth_m, depth_m)
+            self._fixture_depth_m = max(self._fixture_depth_m, self._truth.robot_depth_m())
         torques = self._station.joint_torques_nm + self._weight_nm
         margin = min((q - limits.q_lower).min(), (limits.q_upper - q).min())
         self._margin_rad = min(self._margin_rad, float(margin))

@@ -11,7 +11,9 @@ from pydrake.multibody.tree import RigidBody
 
 from split_drake.contacts import contacts_of, penetration_m
 from split_drake.data.grasps import GraspLabels, feasible
+from split_drake.fixtures import HOOK_BODY, TABLE_BODY
 from split_drake.objects import MugShape
+from split_drake.panda import MOVING_BODIES
 from split_drake.pose_set import PoseSet, PoseTask
 from split_drake.poses import Array, transform_points
 from split_drake.scene import Scene
@@ -69,6 +71,11 @@ class Truth:
         """Return how deep an object's pieces overlap with the bodies of these names, 0 if not."""
         own = self._station.objects[index].name
         return penetration_m(self._plant, self._station.plant_context, bodies, {own})
+
+    def robot_depth_m(self) -> float:
+        """Return how deep the robot's moving bodies overlap with table and hook, 0 if not."""
+        fixtures = (TABLE_BODY, HOOK_BODY)
+        return penetration_m(self._plant, self._station.plant_context, MOVING_BODIES, fixtures)
 
     def _body(self, index: int) -> RigidBody:
         return self._plant.get_body(self._station.object_body(index))

@@ -43,9 +43,9 @@ def hang_verdict(
 ) -> Verdict:
     """Simulate through the fourth second after release, and judge whether object `index` hangs.
 
-    Where that second has begun already, the one from now on counts.  Throughout it the peg's axis must cross the handle's opening, the mug must touch
-    nothing but the hook, and its centre of mass must be within 15 cm of the peg's height; in each
-    half of the second it must touch the hook.
+    Where that second has begun already, the one from now on counts.  Throughout it the peg's axis
+    must cross the handle's opening, the mug must touch nothing but the hook, and its centre of mass
+    must be within 15 cm of the peg's height; in each half of the second it must touch the hook.
     """
     station.advance(max(0.0, release_time_s + HANG_WAIT_S - station.time_s))
     for _ in range(2):

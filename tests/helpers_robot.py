@@ -15,12 +15,14 @@ class PerfectRobot:
     """Goes where it is told; its fingers stop at `object_m`, a floor at `floor_m` pushes back.
 
     The object is lost at `lost_s`.
-    The floor acts on the gripper's origin, as a spring of 20 N/mm.
+    The floor acts on the gripper's origin, as a spring of 20 N/mm along `normal_W`, from where it
+    begins along that direction.
     """
 
     object_m: float = 0.004
     lost_s: float = np.inf
     floor_m: float = -np.inf
+    normal_W: tuple[float, float, float] = (0.0, 0.0, 1.0)
     q: Array = field(default_factory=Q_HOME.copy)
     opening_m: float = 0.08
     time_s: float = 0.0
@@ -28,8 +30,9 @@ class PerfectRobot:
 
     @property
     def joint_torques_nm(self) -> Array:
-        depth = max(0.0, self.floor_m - gripper_pose(self.q)[2, 3])
-        return gripper_jacobian(self.q).T @ (0.0, 0.0, -20e3 * depth)
+        normal = np.array(self.normal_W)
+        depth = max(0.0, self.floor_m - normal @ gripper_pose(self.q)[:3, 3])
+        return gripper_jacobian(self.q).T @ (-20e3 * depth * normal)
 
     def command(self, q: Array, v: Array, opening_m: float, force_n: float) -> None:
         assert q.shape == v.shape == (7,)

@@ -5,6 +5,7 @@ import pytest
 
 from planning.faults import (
     BLOCKING_FORCE_N,
+    CATCHING_FORCE_N,
     CONTACT_FORCE_N,
     EMPTY_OPENING_M,
     LOSS_STAGES,
@@ -69,7 +70,15 @@ def test_lowering_by_feel_is_to_be_stopped_and_may_shift_the_object() -> None:
     assert force_limit_n(feeling) == CONTACT_FORCE_N
 
 
-def test_only_insertions_are_stopped_by_force() -> None:
+def test_an_open_hand_that_is_stopped_on_its_way_back_is_caught() -> None:
+    found = find_fault(segment(SegmentName.RETREAT), True, 0.08, 0.08)
+    assert found is not None
+    assert (found.fault, found.stage) == (Fault.CAUGHT, Stage.PLACEMENT)
+    assert f"{CATCHING_FORCE_N:g} N" in found.reason
+
+
+def test_insertions_and_retreats_alone_are_stopped_by_force() -> None:
     limits = {name: force_limit_n(segment(name)) for name in SegmentName}
     assert limits.pop(SegmentName.INSERT) == BLOCKING_FORCE_N
+    assert limits.pop(SegmentName.RETREAT) == CATCHING_FORCE_N
     assert set(limits.values()) == {float("inf")}

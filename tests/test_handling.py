@@ -14,6 +14,7 @@ from helpers_robot import PerfectRobot
 
 from planning.attempts import AttemptLimits, Perception
 from planning.executor import Executor
+from planning.faults import CATCHING_FORCE_N
 from planning.handling import BEARABLE_SHIFT_M, KEPT_SHIFT_M, Handled, Handler
 from planning.held_view import HeldView
 from planning.kinematics import gripper_pose
@@ -269,3 +270,45 @@ def test_the_time_of_the_way_back_is_counted(monkeypatch: pytest.MonkeyPatch) ->
     handled = handle(robot, planner, limits=AttemptLimits(placements=2))
     spent = sum(attempt.planning_s + attempt.execution_s for attempt in handled.attempts)
     assert spent == pytest.approx(0.5 + next(clock) - 1)
+
+
+def catch(robot: PerfectRobot, normal_W: tuple[float, float, float]) -> Callable[[Segment], None]:
+    """Return what catches the robot's hand on a wall once it has begun to draw back."""
+
+    def on_step(segment: Segment) -> None:
+        if segment.name is SegmentName.RETREAT and robot.floor_m == -np.inf:
+            robot.normal_W = normal_W
+            robot.floor_m = float(np.dot(normal_W, gripper_pose(robot.q)[:3, 3]))
+
+    return on_step
+
+
+# Against the way back, which leads up, and sideways: the hand can slide along it.
+SLOPE_W = (0.8, 0.0, -0.6)
+
+
+def test_a_hand_that_is_caught_slides_out_along_what_it_feels() -> None:
+    robot = PerfectRobot(WIDTH_M)
+    handled = handle(robot, Placer(), catch(robot, SLOPE_W))
+    (attempt,) = handled.attempts
+    assert attempt.failure == (None, "") and attempt.recovery == "eased the hand out"
+    assert attempt.execution is not None
+    *_, opened, caught, eased = attempt.execution.logs
+    assert [log.name for log in (opened, caught, eased)] == ["open", "retreat", "retreat"]
+    assert caught.stopped_by_contact and caught.force_n > CATCHING_FORCE_N
+    assert not eased.stopped_by_contact
+    np.testing.assert_allclose(robot.q, Q_HOME, atol=1e-6)
+
+
+@pytest.mark.parametrize(("tries", "recovery"), [(0, "tried no way out"), (2, "found no way out")])
+def test_a_hand_that_stays_caught_says_so(
+    tries: int, recovery: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("planning.way_out.follow", lambda *_: None)
+    robot = PerfectRobot(WIDTH_M)
+    limits = AttemptLimits(ways_out=tries)
+    handled = handle(robot, Placer(), catch(robot, SLOPE_W), limits)
+    assert failures(handled) == [Stage.PLACEMENT] and not handled.home
+    (attempt,) = handled.attempts
+    assert "caught on the object" in attempt.failure[1]
+    assert attempt.recovery.startswith(recovery)

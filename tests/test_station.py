@@ -147,7 +147,7 @@ def test_commands_move_on_at_their_velocity_for_one_period() -> None:
         station.advance(elapsed_s)
         moved = 0.5 * min(station.time_s, 0.01)
         context = system.GetMyContextFromRoot(station.simulator.get_context())
-        np.testing.assert_allclose(desired.Eval(context)[:7], Q_HOME + [moved, *np.zeros(6)])
+        np.testing.assert_allclose(desired.Eval(context)[:7], Q_HOME + moved * np.eye(7)[0])
 
 
 def test_several_objects_stand_apart_by_default() -> None:
