@@ -246,6 +246,13 @@ def test_where_a_network_comes_from_is_kept(checkpoint: Path, network: SplitNetw
     assert load_checkpoint(checkpoint)[1] == further
 
 
+def test_the_scenes_of_all_ancestors_are_counted(checkpoint: Path) -> None:
+    _, info = load_checkpoint(checkpoint)
+    grandparent = {"scenes": 4, "parent": None}
+    info = replace(info, scenes=2, parent={"scenes": 3, "parent": grandparent})
+    assert info.scenes_in_all == 9
+
+
 def test_the_weights_of_the_project_are_usable_small_and_documented() -> None:
     assert default_weights().stat().st_size <= 20e6
     network, info = load_checkpoint(default_weights())

@@ -54,6 +54,14 @@ class CheckpointInfo:
     earlier_commits: tuple[str, ...] = ()
     parent: dict[str, Any] | None = None
 
+    @property
+    def scenes_in_all(self) -> int:
+        """Scenes seen in its own steps and in those of all checkpoints that it comes from."""
+        total, ancestor = self.scenes, self.parent
+        while ancestor is not None:
+            total, ancestor = total + int(ancestor["scenes"]), ancestor["parent"]
+        return total
+
 
 def default_weights() -> Path:
     """Return the path of the checkpoint that ships with the project."""

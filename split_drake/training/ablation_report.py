@@ -25,7 +25,7 @@ class Cost:
 
     Attributes:
         parameters: that are trained.
-        scene_steps: scenes seen in all training steps.
+        scene_steps: scenes seen in all training steps, those of earlier checkpoints included.
         minutes: of training; None where it was not recorded.
     """
 
@@ -41,7 +41,7 @@ class Cost:
         known = [value for value in minutes if value is not None]
         return cls(
             parameters=sum(p.numel() for network, _ in loaded for p in network.parameters()),
-            scene_steps=sum(info.scenes for _, info in loaded),
+            scene_steps=sum(info.scenes_in_all for _, info in loaded),
             minutes=sum(known) if len(known) == len(minutes) else None,
         )
 
