@@ -106,6 +106,8 @@ class _Handling:
             return self._lost(self._plan.pick, done, done)
         while True:
             self._held = held = self._look()
+            if held.elsewhere:
+                return self._not_as_known(done)
             if self._failures or not self._as_planned(held, KEPT_SHIFT_M, KEPT_TURN_RAD):
                 if done.logs:
                     self._note(self._plan, done, "planned anew from how it lay in the hand")
@@ -216,6 +218,14 @@ class _Handling:
         X_EW = invert_pose(self._taking.X_WGrasp)
         X_WMoved = gripper_pose(q) @ self._held.X_GE @ X_EW
         return transform_points(X_WMoved, self._perception.scene.p_WPs)
+
+    def _not_as_known(self, done: ExecutionResult) -> Handled:
+        """Note that the object is not where it was known to be in the hand, and put it down."""
+        assert self._held is not None  # that is what was seen
+        reason = f"the object is not as it was taken: {self._held.rejected}"
+        seen = replace(done, completed=False, stage=Stage.GRASP, reason=reason, fault=Fault.SLIPPED)
+        self._note(self._plan, seen)
+        return self._put_down()
 
     def _put_down(self) -> Handled:
         self._recovery.put_down(self._taking)

@@ -48,11 +48,14 @@ class HeldView:
         X_GE: (4, 4) the measured motion; the last one known where the measurement was rejected.
         matched: share of what was seen around the hand that lies on the object.
         rejected: why the measurement does not count; empty where it does.
+        elsewhere: whether that is because something was seen that the object, where it is known to
+            be, is not: it has turned or slipped further than can be measured.
     """
 
     X_GE: Array
     matched: float = 0.0
     rejected: str = ""
+    elsewhere: bool = False
 
     @property
     def shift_m(self) -> float:
@@ -90,22 +93,20 @@ def view_held(
     reach = np.linalg.norm(p_EMs, axis=1).max() + SEARCH_M
     p_GPs = voxel_centroids(seen[np.linalg.norm(seen, axis=1) < reach], SEEN_VOXEL_M)
     if len(p_GPs) < MIN_SEEN:
-        return _rejected(expected, f"{len(p_GPs)} voxels were seen, expected {MIN_SEEN}")
+        return HeldView(expected, rejected=f"{len(p_GPs)} voxels were seen, expected {MIN_SEEN}")
     pivots = np.stack([make_pose(rotation_y(angle)) @ expected for angle in PIVOTS_RAD])
     start = nearest_start(p_EMs, p_GPs, pivots)
     found = register(transform_points(start, p_EMs), p_GPs)
     if found.matched < MIN_MATCHED or found.error_m > MAX_ERROR_M:
         quality = f"{found.matched:.0%} of it matches, {1e3 * found.error_m:.1f} mm off"
-        return _rejected(expected, f"{quality}; expected {MIN_MATCHED:.0%}, {1e3 * MAX_ERROR_M} mm")
+        reason = f"{quality}; expected {MIN_MATCHED:.0%}, {1e3 * MAX_ERROR_M} mm"
+        return HeldView(expected, found.matched, reason, elsewhere=True)
     held = HeldView(found.X_AM @ start, found.matched)
     if held.shift_m > MAX_SHIFT_M or held.turn_rad > MAX_TURN_RAD:
         motion = f"{1e3 * held.shift_m:.0f} mm and {np.degrees(held.turn_rad):.0f} degrees"
-        return _rejected(expected, f"it seems to have moved by {motion}")
+        reason = f"it seems to have moved by {motion}"
+        return HeldView(expected, found.matched, reason, elsewhere=True)
     return held
-
-
-def _rejected(X_GE: Array, reason: str) -> HeldView:
-    return HeldView(X_GE, rejected=reason)
 
 
 def beside_robot(

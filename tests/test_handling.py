@@ -14,7 +14,7 @@ from helpers_robot import PerfectRobot
 
 from planning.attempts import AttemptLimits, Perception
 from planning.executor import Executor
-from planning.faults import CATCHING_FORCE_N
+from planning.faults import CATCHING_FORCE_N, Fault
 from planning.handling import BEARABLE_SHIFT_M, KEPT_SHIFT_M, Handled, Handler
 from planning.held_view import HeldView
 from planning.kinematics import gripper_pose
@@ -151,6 +151,20 @@ def test_an_object_that_can_be_placed_nowhere_is_put_down(
     assert handled.attempts[-1].recovery == "put the object down"
     assert handled.home and SegmentName.OPEN in names and SegmentName.TRANSFER not in names
     np.testing.assert_allclose(robot.q, Q_HOME, atol=1e-6)
+
+
+def test_an_object_that_is_not_as_it_was_taken_is_put_down(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    lost = HeldView(np.eye(4), 0.4, "40% of it matches", elsewhere=True)
+    monkeypatch.setattr("planning.handling.view_held", lambda *_: lost)
+    robot, planner = PerfectRobot(WIDTH_M), Placer(placing())
+    handled = handle(robot, planner)
+    assert failures(handled) == [Stage.GRASP] and planner.asked == []
+    (attempt,) = handled.attempts
+    assert "not as it was taken: 40% of it matches" in attempt.failure[1]
+    assert attempt.recovery == "put the object down" and handled.home
+    assert attempt.execution is not None and attempt.execution.fault is Fault.SLIPPED
 
 
 def test_a_blocked_insertion_is_tried_otherwise_and_given_up_in_the_end() -> None:
