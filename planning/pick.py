@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from planning.exemptions import TABLE_LIFT_M
-from planning.fingers import APPROACH_M, FingerFit, fit_fingers
+from planning.fingers import APPROACH_M, RELEASE_CLEARANCE_M, FingerFit, fit_fingers
 from planning.ik import DrakeIk, IkSolutions, follow
 from planning.kinematics import gripper_pose
 from planning.perceived import PerceivedObject
 from planning.problem import AllowedContact
 from planning.waypoints import backed_off, shifted, straight_line
 from planning.world import CollisionWorld, Situation
+from split_drake.gripper import MAX_OPENING_M
 from split_drake.poses import Array, invert_pose, transform_points
 
 LINE_STEP_M = 0.01
@@ -54,9 +55,14 @@ class Pick:
 
 
 def held_pick(q: Array, held_width_m: float, target: PerceivedObject) -> Pick:
-    """Return the pick of an object that the hand holds already, at `q` (7,)."""
+    """Return the pick of an object that the hand holds already, at `q` (7,).
+
+    It is let go by opening clearly further than it is wide, whatever its cloud, which is some
+    millimetres off, makes of that.
+    """
     X_WG = gripper_pose(q)
-    release_m = max(fit_fingers(X_WG, target.p_WDetails).release_m, held_width_m)
+    free_m = min(MAX_OPENING_M, held_width_m + 2.0 * RELEASE_CLEARANCE_M)
+    release_m = max(fit_fingers(X_WG, target.p_WDetails).release_m, free_m)
     holding = Situation(
         held_width_m, p_GHeld=transform_points(invert_pose(X_WG), target.p_WObstacles)
     )
