@@ -16,8 +16,9 @@ from split_drake.poses import Array
 
 # The force is not looked at while the arm gets moving, which takes force as well.
 CONTACT_AFTER_S = 0.15
-# What an open hand feels from the start of its way back may grow by this factor.
-GROWTH = 1.3
+# What a hand feels from the start of its way back may grow by this factor, and up to this one of
+# what it may feel otherwise.
+GROWTH, MOST_GROWN = 1.3, 2.0
 
 
 class Robot(Protocol):
@@ -37,7 +38,10 @@ class Robot(Protocol):
         ...
 
     def command(self, q: Array, v: Array, opening_m: float, force_n: float) -> None:
-        """Set the desired arm state (7,), (7,), the opening, and the limit of its force."""
+        """Set the desired arm state (7,), (7,), the opening, and the limit of its force.
+
+        The arm moves on from `q` at `v` until the next command, for 10 ms at most.
+        """
         ...
 
     def advance(self, duration_s: float) -> None:
@@ -55,8 +59,9 @@ class SegmentLog:
         tracking_error_rad: largest error of any joint against its command, which moves on at the
             commanded velocity until the next one.
         opening_m: measured at the end.
-        stopped_by_contact: whether it ended early because the object touched something.
-        force_n: largest change of the force at the gripper, where the segment looks at it.
+        stopped_by_contact: whether it ended early because of a force that it felt.
+        force_n: largest change of the force at the gripper, where the segment looks at it; of a
+            hand that draws back, the largest force.
     """
 
     name: SegmentName
@@ -111,11 +116,13 @@ class Executor:
     Args:
         robot: to be commanded.
         on_step: called after every 10 ms with the segment under way.
+        wary: whether a hand that draws back stops where it is caught.
     """
 
-    def __init__(self, robot: Robot, on_step: OnStep | None = None) -> None:
+    def __init__(self, robot: Robot, on_step: OnStep | None = None, wary: bool = True) -> None:
         self.robot = robot
         self._on_step = on_step
+        self._wary = wary
 
     def run(self, segments: Sequence[Segment]) -> ExecutionResult:
         """Execute the segments; stop where one of them fails."""
@@ -142,10 +149,7 @@ class Executor:
         """
         robot, trajectory = self.robot, segment.trajectory
         sheds = segment.name in (SegmentName.TRANSIT, SegmentName.TRANSFER)
-        limit_n, torques = force_limit_n(segment), robot.joint_torques_nm
-        if segment.name is SegmentName.RETREAT:
-            at_start_n = float(np.linalg.norm(gripper_force(robot.q, torques)))
-            limit_n, torques = max(limit_n, GROWTH * at_start_n), np.zeros(7)
+        limit_n, torques = self._force_limit(segment)
         error, force = 0.0, 0.0
         samples = zip(trajectory.times_s, trajectory.qs, trajectory.vs, strict=True)
         for count, (time, q, v) in enumerate(samples, start=1):
@@ -160,6 +164,16 @@ class Executor:
                 return log, robot.q - trajectory.qs[-1]
         log = self._log(segment, len(trajectory.times_s), error, force, stopped=False)
         return log, np.zeros(7) if sheds else offset
+
+    def _force_limit(self, segment: Segment) -> tuple[float, Array]:
+        """Return the force, N, at which a segment stops, and the torques (7,) felt without any."""
+        limit_n, torques = force_limit_n(segment), self.robot.joint_torques_nm
+        if segment.name is not SegmentName.RETREAT:
+            return limit_n, torques
+        if not self._wary:
+            return np.inf, np.zeros(7)
+        at_start_n = float(np.linalg.norm(gripper_force(self.robot.q, torques)))
+        return float(np.clip(GROWTH * at_start_n, limit_n, MOST_GROWN * limit_n)), np.zeros(7)
 
     def _step(self, segment: Segment, q: Array, v: Array, share: float) -> None:
         """Command a sample, `share` of its segment done, and let its time pass."""

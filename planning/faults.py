@@ -12,9 +12,9 @@ SLIP_M = 0.002
 # A change of the force at the gripper, against the segment's start, that counts as contact: a few
 # newtons, below the weight of the lightest mug plus what pressing it down by a millimetre adds.
 CONTACT_FORCE_N = 4.0
-# One that counts as an obstacle on the way in: the arm's own inertia makes up to 25 N.
+# One that counts as an obstacle on the way in; up to 25 N were felt where there was none.
 BLOCKING_FORCE_N = 35.0
-# One that counts as the object being drawn along by the open hand, slow as that moves: two to four
+# A force that counts as the object being drawn along by the hand, slow as that moves: two to four
 # newtons are felt on a free way.
 CATCHING_FORCE_N = 12.0
 _FORCE_LIMITS_N = {
@@ -50,7 +50,10 @@ class FoundFault:
 
 
 def force_limit_n(segment: Segment) -> float:
-    """Return the force at the gripper, N, at which the segment is to stop."""
+    """Return the change of the force at the gripper, N, at which the segment is to stop.
+
+    For a hand that draws back it is the force itself, and the executor lets it start with more.
+    """
     if segment.stop_on_contact:
         return CONTACT_FORCE_N
     return _FORCE_LIMITS_N.get(segment.name, float("inf"))
@@ -68,7 +71,7 @@ def find_fault(
     """
     name = segment.name
     if name is SegmentName.RETREAT and stopped:
-        reason = f"the open hand is caught on the object: more than {CATCHING_FORCE_N:g} N"
+        reason = f"the hand is caught on the object: more than {CATCHING_FORCE_N:g} N"
         return FoundFault(Fault.CAUGHT, Stage.PLACEMENT, reason)
     if name in LOSS_STAGES and opening_m < EMPTY_OPENING_M:
         reason = f"the hand is empty after {name}: its opening is {1e3 * opening_m:.1f} mm"

@@ -35,6 +35,7 @@ BEARABLE_SHIFT_M = 0.008
 BEARABLE_TURN_RAD = np.radians(10.0)
 
 _NOTHING = ExecutionResult(True, ())
+_NO_WAY_HOME, _CAUGHT = "no way home was found", "the hand stayed caught"
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ class _Handling:
     ) -> None:
         self._handler = handler
         self._executor = handler.executor
-        self._recovery = Recovery(handler.executor, handler.layout)
+        self._recovery = Recovery(handler.executor, handler.layout, handler.limits.ways_out)
         self._taking, self._plan = plan, plan
         self._perception = perception
         self._rng = rng
@@ -115,11 +116,11 @@ class _Handling:
                 if not self._replan(held):
                     return self._put_down()
             placed = self._executor.run(self._plan.place)
+            if placed.fault is Fault.CAUGHT:
+                return self._eased_out(placed, done)
             whole, done = replace(placed, logs=done.logs + placed.logs), _NOTHING
             if placed.fault is Fault.EMPTY:
                 return self._lost(self._plan.place, placed, whole)
-            if placed.fault is Fault.CAUGHT:
-                return self._eased_out(placed, whole)
             self._note(self._plan, whole)
             if placed.completed:
                 return Handled(tuple(self._attempts), home=False)
@@ -127,7 +128,7 @@ class _Handling:
             if placed.stage is Stage.PLACEMENT:
                 self._X_WGblocked.append(self._plan.X_WGplace)
             if self._recovery.back_out(self._plan.place, placed).fault is Fault.EMPTY:
-                return self._ended("the object was lost on the way back", self._go_home())
+                return self._ended("the object was lost on the way back", free=True)
             if self._failures >= self._handler.limits.placements:
                 return self._put_down()
 
@@ -194,20 +195,22 @@ class _Handling:
     ) -> Handled:
         """Note an attempt that ended with an empty hand, and draw back."""
         self._note(self._plan, whole)
-        self._recovery.withdraw(segments, execution)
-        return self._ended("drew back", self._go_home())
+        free = self._recovery.withdraw(segments, execution, self._perception.scene.p_WPs)
+        return self._ended("drew back", free)
 
-    def _eased_out(self, placed: ExecutionResult, whole: ExecutionResult) -> Handled:
-        """Lead the open hand out of what it let go of, and note the attempt with its outcome."""
-        tries = self._handler.limits.ways_out
-        out = self._recovery.ease_out(self._released(placed), tries) if tries else None
-        if out is None:
-            self._note(self._plan, whole)
-            return self._ended("found no way out" if tries else "tried no way out", home=False)
-        self._note(self._plan, replace(out, logs=whole.logs + out.logs))
-        if out.completed and self._plan.subgoal is Subgoal.HANG:
-            return self._ended("eased the hand out", home=True)
-        return self._ended("eased the hand out", out.completed and self._go_home())
+    def _eased_out(self, placed: ExecutionResult, before: ExecutionResult) -> Handled:
+        """Lead the hand out of what it let go of and is caught on, and note the attempt.
+
+        After a reorientation the robot goes home, as the rest of the plan would have led it.
+        """
+        out = self._recovery.eased_out(placed, self._released(placed))
+        recovery = "eased the hand out" if out.completed else _CAUGHT
+        to_go_home = out.completed and self._plan.subgoal is Subgoal.REORIENT
+        home = to_go_home and self._go_home()
+        if to_go_home and not home:
+            out = replace(out, completed=False, stage=Stage.PLACEMENT, reason=_NO_WAY_HOME)
+        self._note(self._plan, replace(out, logs=before.logs + out.logs), recovery)
+        return Handled(tuple(self._attempts), home)
 
     def _released(self, placed: ExecutionResult) -> Array:
         """Return the object's points (N, 3) in W where it was let go."""
@@ -220,16 +223,17 @@ class _Handling:
         return transform_points(X_WMoved, self._perception.scene.p_WPs)
 
     def _not_as_known(self, done: ExecutionResult) -> Handled:
-        """Note that the object is not where it was known to be in the hand, and put it down."""
-        assert self._held is not None  # that is what was seen
-        reason = f"the object is not as it was taken: {self._held.rejected}"
-        seen = replace(done, completed=False, stage=Stage.GRASP, reason=reason, fault=Fault.SLIPPED)
-        self._note(self._plan, seen)
+        """Note, where no failure says so already, that the object turned, and put it down."""
+        if not self._failures:
+            assert self._held is not None  # that is what was seen
+            reason = f"the object is not as it was taken: {self._held.rejected}"
+            turned = ExecutionResult(False, done.logs, Stage.GRASP, reason, Fault.SLIPPED)
+            self._note(self._plan, turned)
         return self._put_down()
 
     def _put_down(self) -> Handled:
-        self._recovery.put_down(self._taking)
-        return self._ended("put the object down", self._go_home())
+        free = self._recovery.put_down(self._taking, self._perception.scene.p_WPs)
+        return self._ended("put the object down", free)
 
     def _go_home(self) -> bool:
         return self._recovery.go_home(self._rng)
@@ -252,9 +256,11 @@ class _Handling:
         self._begun = now
         return now
 
-    def _ended(self, recovery: str, home: bool) -> Handled:
-        """Return the attempts, the last one with what was done after it."""
+    def _ended(self, recovery: str, free: bool) -> Handled:
+        """Go home where the hand is free; return the attempts, the last with what was done then."""
+        home = free and self._go_home()
         self._spend()
-        recovery = recovery if home else f"{recovery}; no way home was found"
+        if not home:
+            recovery = f"{recovery}; {_NO_WAY_HOME if free else _CAUGHT}"
         self._attempts[-1] = replace(self._attempts[-1], recovery=recovery)
         return Handled(tuple(self._attempts), home)

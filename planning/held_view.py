@@ -48,8 +48,8 @@ class HeldView:
         X_GE: (4, 4) the measured motion; the last one known where the measurement was rejected.
         matched: share of what was seen around the hand that lies on the object.
         rejected: why the measurement does not count; empty where it does.
-        elsewhere: whether that is because something was seen that the object, where it is known to
-            be, is not: it has turned or slipped further than can be measured.
+        elsewhere: whether that is because too little of what was seen around the hand lies on the
+            object, however it was turned, or because it has moved implausibly far.
     """
 
     X_GE: Array
@@ -100,7 +100,7 @@ def view_held(
     if found.matched < MIN_MATCHED or found.error_m > MAX_ERROR_M:
         quality = f"{found.matched:.0%} of it matches, {1e3 * found.error_m:.1f} mm off"
         reason = f"{quality}; expected {MIN_MATCHED:.0%}, {1e3 * MAX_ERROR_M} mm"
-        return HeldView(expected, found.matched, reason, elsewhere=True)
+        return HeldView(expected, found.matched, reason, found.matched < MIN_MATCHED)
     held = HeldView(found.X_AM @ start, found.matched)
     if held.shift_m > MAX_SHIFT_M or held.turn_rad > MAX_TURN_RAD:
         motion = f"{1e3 * held.shift_m:.0f} mm and {np.degrees(held.turn_rad):.0f} degrees"

@@ -42,7 +42,7 @@ class AllowedContact(StrEnum):
     """A contact that a segment declares; everything else must stay clear.
 
     FINGERS_TARGET: fingers against the object, in the last 8 cm of the approach, while the hand
-        closes and opens, and in the first 8 cm of the retreat.
+        closes and opens, and in the first 8 cm of the retreat, of each where several are driven.
     HELD_PEG: the held object against the peg, for points of the object within the tube around the
         peg's axis that its opening leaves; `planning.exemptions` says which.
     HELD_TABLE: the held object against the table, no deeper than `planning.exemptions` says, just

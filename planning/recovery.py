@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from planning.executor import ExecutionResult, Executor
+from planning.faults import Fault
 from planning.held_view import beside_robot
 from planning.motion import NoMotion, free_motion
 from planning.perceived import OBSTACLE_VOXEL_M, voxel_centroids
@@ -30,28 +31,45 @@ class Recovery:
     Args:
         executor: of the segments.
         layout: of the static station.
+        ways_out: that are tried where the hand is caught on the object; none if 0.
     """
 
-    def __init__(self, executor: Executor, layout: Layout) -> None:
+    def __init__(self, executor: Executor, layout: Layout, ways_out: int) -> None:
         self._executor = executor
         self._layout = layout
+        self._ways_out = ways_out
 
     def back_out(self, segments: Sequence[Segment], execution: ExecutionResult) -> ExecutionResult:
         """Carry the object back along the segments as far as they were executed."""
         return self._executor.run(retraced(segments, execution))
 
-    def put_down(self, plan: Plan) -> None:
-        """Put the lifted object down where the plan took it, by feel, and draw back."""
-        self._executor.run(put_down_segments(plan))
+    def put_down(self, plan: Plan, p_WPs: Array) -> bool:
+        """Put the lifted object (N, 3) down where the plan took it, by feel, and draw back.
 
-    def withdraw(self, segments: Sequence[Segment], execution: ExecutionResult) -> None:
-        """Draw the empty hand back from where it closed, or from the hook."""
-        self._executor.run(withdrawal(segments, execution))
+        Return whether the hand is free of it.
+        """
+        return self.eased_out(self._executor.run(put_down_segments(plan)), p_WPs).completed
 
-    def ease_out(self, p_WReleased: Array, tries: int) -> ExecutionResult | None:
-        """Lead the open hand out of an object (N, 3) that it is caught on, as `WayOut.take`."""
-        points = voxel_centroids(p_WReleased, OBSTACLE_VOXEL_M)
-        return WayOut(self._executor, self._world).take(points, tries)
+    def withdraw(
+        self, segments: Sequence[Segment], execution: ExecutionResult, p_WPs: Array
+    ) -> bool:
+        """Draw the empty hand back from where it closed on an object (N, 3), or from the hook.
+
+        Return whether the hand is free of the object.
+        """
+        drawn = self._executor.run(withdrawal(segments, execution))
+        return self.eased_out(drawn, p_WPs).completed
+
+    def eased_out(self, execution: ExecutionResult, p_WPs: Array) -> ExecutionResult:
+        """Return how an execution ended, after leading the hand out of an object (N, 3) if caught.
+
+        Its logs are followed by those of the ways out.
+        """
+        if execution.fault is not Fault.CAUGHT or not self._ways_out:
+            return execution
+        points = voxel_centroids(p_WPs, OBSTACLE_VOXEL_M)
+        out = WayOut(self._executor, self._world).take(points, self._ways_out)
+        return execution if out is None else replace(out, logs=execution.logs + out.logs)
 
     def go_home(self, rng: np.random.Generator) -> bool:
         """Move home around what the cameras show in the workspace; return whether there is a way.

@@ -17,7 +17,8 @@ FINGER_SPEED_M_S = 0.1
 # Commanded below zero, so that the force limit acts on whatever is between the pads.
 SQUEEZE_M = -0.05
 SETTLE_S = 0.2
-# Whether an object hangs is watched from the fourth second after its release: the arm rests then.
+# Whether an object hangs is watched from the fourth second after its release: the arm rests then,
+# if nothing holds it up.
 MAX_AFTER_RELEASE_S = 2.9
 
 _FINGERS = frozenset({AllowedContact.FINGERS_TARGET})

@@ -17,7 +17,7 @@ from split_drake.poses import Array
 SAMPLE_S = 0.01
 # Paths are interpolated through points this close, so that corners are rounded only within it.
 KNOT_STEP_RAD = 0.05
-# Toppra sees the limits at the points of its grid: with fewer of them between two knots it drives
+# Toppra sees the limits at the points of its grid, evenly spaced: with fewer of them it drives
 # around the corners of long paths at up to 26 times its acceleration limit.
 GRID_POINTS_PER_KNOT = 8
 # Knots closer than this are merged: the curvature between them would mean nothing.

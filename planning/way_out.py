@@ -17,18 +17,21 @@ from planning.problem import AllowedContact, Segment, SegmentName
 from planning.segments import SegmentBuilder
 from planning.timing import WARY
 from planning.waypoints import shifted, straight_line
-from planning.world import CollisionWorld, Situation
+from planning.world import CollisionWorld, Situation, clear_of_palm
 from split_drake.gripper import MAX_OPENING_M
 from split_drake.poses import Array
 
-# The way out leads off the surface that was felt by this angle, the others being tried where the
-# arm cannot follow or hits something; and no further than so from the approach.
-EXTRA_RAD = np.radians([15.0, 5.0, 30.0])
+# The way out leads off the surface that was felt by this angle, and no further than so from the
+# approach; less and more of that lean is tried where the arm cannot follow or hits something.
+EXTRA_RAD = np.radians(15.0)
 MAX_LEAN_RAD = np.radians(60.0)
+SHARES = np.array([1.0, 0.5, 1.25])
 # With less of the force than that across the approach, there is no telling which way to lean.
-MIN_SIDEWAYS = 0.1
+MIN_SIDEWAYS_N = 4.0
 # Friction adds to what is felt against the motion: this share of it is taken to be the surface's.
 NORMAL_SHARE = 0.6
+
+_TOUCHING = frozenset({AllowedContact.FINGERS_TARGET})
 
 
 @dataclass(frozen=True)
@@ -66,14 +69,15 @@ class WayOut:
         """Return a straight way along the surface that is felt now, or None."""
         robot = self.executor.robot
         opening_m = float(np.clip(robot.opening_m, 0.0, MAX_OPENING_M))
-        touching = frozenset({AllowedContact.FINGERS_TARGET})
-        situation = Situation(opening_m, p_WStanding=p_WReleased, allowed=touching)
         q = robot.q
         X_WG = gripper_pose(q)
+        p_WOff = p_WReleased[clear_of_palm(X_WG, p_WReleased)]
+        situation = Situation(opening_m, p_WStanding=p_WOff, allowed=_TOUCHING)
         for direction_W in ways_out(X_WG, -gripper_force(q, robot.joint_torques_nm)):
             end = shifted(X_WG, APPROACH_M * direction_W)
             path = follow(q, straight_line(X_WG, end, LINE_STEP_M))
-            if path is not None and self.world.path_free(np.vstack([q, path]), situation):
+            # It is free from its first centimetre on: what catches the hand is where it starts.
+            if path is not None and self.world.path_free(path, situation):
                 qs = np.vstack([q, path])
                 return SegmentBuilder(self.world).empty(SegmentName.RETREAT, qs, WARY, situation)
         return None
@@ -82,8 +86,9 @@ class WayOut:
 def ways_out(X_WG: Array, f_W: Array) -> Array:
     """Return unit directions (D, 3) in W out of an object, best first.
 
-    Back along the approach, leaning away from the surface that pushes the hand: as far as it takes
-    to slide along that surface, and then some.  Straight back alone where the force is straight.
+    Back along the approach, leaning away from the surface that pushes the hand: by what it takes to
+    slide along that surface and then some, within bounds.  Straight back alone where hardly any of
+    the force is across the approach.
 
     Args:
         X_WG: (4, 4) gripper.
@@ -93,8 +98,8 @@ def ways_out(X_WG: Array, f_W: Array) -> Array:
     along = float(f_W @ back)
     aside = f_W - along * back
     sideways = float(np.linalg.norm(aside))
-    if sideways <= MIN_SIDEWAYS * np.linalg.norm(f_W):
+    if sideways < MIN_SIDEWAYS_N:
         return back[None]
     surface_rad = np.arctan2(NORMAL_SHARE * max(0.0, -along), sideways)
-    leans = np.minimum(surface_rad + EXTRA_RAD, MAX_LEAN_RAD)[:, None]
+    leans = SHARES[:, None] * min(surface_rad + EXTRA_RAD, MAX_LEAN_RAD)
     return np.asarray(np.cos(leans) * back + np.sin(leans) * aside / sideways)

@@ -66,18 +66,19 @@ class CollisionWorld:
 
     Attributes:
         checker: of the robot against the static station and itself, with margins.
+        wary_checker: with the larger ones of free motions.
         layout: of the station.
     """
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
         self.checker = static_checker(layout, HOOK_MARGIN_M, TABLE_MARGIN_M)
-        self._wary_checker = static_checker(layout, HOOK_MARGIN_M, FAST_TABLE_MARGIN_M)
+        self.wary_checker = static_checker(layout, HOOK_MARGIN_M, FAST_TABLE_MARGIN_M)
         self._peg, self._post = hook_capsules(layout)
 
     def free(self, qs: Array, situation: Situation) -> BoolArray:
         """Return (N,): which configurations (N, 7) touch nothing that is not allowed."""
-        checker = self.checker if situation.allowed else self._wary_checker
+        checker = self.checker if situation.allowed else self.wary_checker
         arms = [panda_positions(q, situation.opening_m) for q in qs]
         free = np.array([checker.CheckConfigCollisionFree(arm) for arm in arms], dtype=bool)
         if free.any():

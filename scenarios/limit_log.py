@@ -1,7 +1,8 @@
 """How near a trial came to the robot's limits, from the simulation's log."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
+from weakref import WeakMethod
 
 import numpy as np
 from pydrake.systems.framework import Context
@@ -80,7 +81,9 @@ class LimitLog:
         self._velocity = self._torque = self._depth_m = self._fixture_depth_m = 0.0
         self._weight_nm = weight_torques_nm(station.q)
         self._next_look_s = station.time_s
-        station.simulator.set_monitor(self._watch)
+        # The simulator would keep what it calls, and this keeps the simulator.
+        watching: WeakMethod[Callable[[Context], None]] = WeakMethod(self._watch)
+        station.simulator.set_monitor(lambda context: _call(watching, context))
 
     @property
     def peaks(self) -> Peaks:
@@ -101,3 +104,9 @@ class LimitLog:
         speeds = np.abs(self._station.v) / limits.v_max
         self._velocity = max(self._velocity, float(speeds.max()))
         self._torque = max(self._torque, float((np.abs(torques) / limits.effort_max_nm).max()))
+
+
+def _call(watching: WeakMethod[Callable[[Context], None]], context: Context) -> None:
+    watch = watching()
+    if watch is not None:
+        watch(context)

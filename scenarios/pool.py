@@ -1,9 +1,12 @@
 """Running trials in worker processes, whatever becomes of a worker."""
 
 import multiprocessing
+import os
+import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import wait as wait_for_any
 from typing import Generic, TypeVar
 
 Item = TypeVar("Item")
@@ -47,7 +50,7 @@ class WorkerPool(Generic[Item, Result]):
         Returns the items that were lost with it; none where no worker died.
         """
         context = multiprocessing.get_context("spawn")  # Drake and PyTorch do not survive a fork
-        executor = ProcessPoolExecutor(workers, mp_context=context)
+        executor = ProcessPoolExecutor(workers, context, initializer=_end_with_parent)
         running: dict[Future[Result], Item] = {}
         try:
             while waiting or running:
@@ -63,3 +66,15 @@ class WorkerPool(Generic[Item, Result]):
         finally:
             executor.shutdown(wait=False, cancel_futures=True)
         return []
+
+
+def _end_with_parent() -> None:
+    """End this worker once its parent has died, killed perhaps, rather than work for nobody."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # this is called in workers
+
+    def watch() -> None:
+        wait_for_any([parent.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

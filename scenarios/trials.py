@@ -134,7 +134,8 @@ class _Trial:
             planner = self._checked = CheckedPlanner(planner)
         if self._recorder:
             planner = _ShowingPlanner(planner, self._recorder)
-        executor = Executor(self._station, on_step=self._on_step if self._recorder else None)
+        on_step = self._on_step if self._recorder else None
+        executor = Executor(self._station, on_step, wary=self._spec.feedback)
         limits = AttemptLimits() if self._spec.feedback else AttemptLimits.without_feedback()
         return Sequencer(planner, self._perceive, executor, self._station.config.layout, limits)
 

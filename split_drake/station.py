@@ -35,9 +35,9 @@ from split_drake.station_steps import (
 class Station:
     """One diagram with named ports, and its simulator.
 
-    Input ports of the diagram: `arm` (15,) and `gripper` (2,), see ArmCommandSystem.  Output ports:
-    `<camera>.depth_image`, `panda_state` (18,), `panda_torques` (9,), and with a detector `scene`
-    and `pose_sets`.  The cameras cost nothing until they are read.
+    Input ports of the diagram: `arm` (15,) and `gripper` (2,), see `arm_command_system`.  Output
+    ports: `<camera>.depth_image`, `panda_state` (18,), `panda_torques` (9,), and with a detector
+    `scene` and `pose_sets`.  The cameras cost nothing until they are read.
 
     What a real robot would measure is read here; the objects' true poses are not: see `oracle`.
 
@@ -89,7 +89,8 @@ class Station:
         """Set the desired state from now to the next command.
 
         Args:
-            q, v: (7,) joint angles now and velocities for the next 10 ms, rad and rad/s.
+            q, v: (7,) joint angles now, rad, and velocities, rad/s, at which they move on for the
+                next 10 ms; then they rest.
             opening_m: distance between the pads, at most 0.08; below 0 the force limit acts.
             force_n: limit of each finger's force, at most 40.
         """

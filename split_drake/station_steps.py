@@ -23,7 +23,7 @@ from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGa
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import RgbdSensor
 
-from split_drake.arm_command import ArmCommandSystem
+from split_drake.arm_command import arm_command_system
 from split_drake.detector_system import PoseDetectorSystem
 from split_drake.panda import ARM_JOINTS, FINGER_BODIES, FINGER_JOINTS
 from split_drake.station_config import StationConfig
@@ -86,7 +86,7 @@ def add_command(
     panda: ModelInstanceIndex,
     config: StationConfig,
 ) -> None:
-    command = builder.AddNamedSystem("command", ArmCommandSystem(config.finger_kp_n_per_m))
+    command = builder.AddNamedSystem("command", arm_command_system(config.finger_kp_n_per_m))
     builder.Connect(plant.get_state_output_port(panda), command.GetInputPort("measured"))
     builder.Connect(
         command.GetOutputPort("desired_state"), plant.get_desired_state_input_port(panda)

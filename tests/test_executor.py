@@ -25,7 +25,7 @@ def test_a_plan_runs_to_its_end_in_real_time(plan: Plan) -> None:
     assert [log.name for log in result.logs] == [segment.name for segment in plan.segments]
     assert robot.time_s == pytest.approx(len(steps) * SAMPLE_S)
     assert result.duration_s == pytest.approx(robot.time_s, abs=1e-9)
-    assert max(log.tracking_error_rad for log in result.logs) < 1e-3
+    assert max(log.tracking_error_rad for log in result.logs) < 1e-9
     np.testing.assert_allclose(robot.q, Q_HOME, atol=1e-6)
 
 

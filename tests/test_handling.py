@@ -13,7 +13,7 @@ from helpers_planning import UPRIGHT, mug_problem, reorient_plan
 from helpers_robot import PerfectRobot
 
 from planning.attempts import AttemptLimits, Perception
-from planning.executor import Executor
+from planning.executor import ExecutionResult, Executor
 from planning.faults import CATCHING_FORCE_N, Fault
 from planning.handling import BEARABLE_SHIFT_M, KEPT_SHIFT_M, Handled, Handler
 from planning.held_view import HeldView
@@ -28,10 +28,11 @@ from planning.problem import (
     Stage,
     Subgoal,
 )
+from planning.recovery import Recovery
 from split_drake.layout import Layout
 from split_drake.panda import Q_HOME
 from split_drake.pose_set import PoseTask
-from split_drake.poses import Array, make_pose, transform_points
+from split_drake.poses import Array, invert_pose, make_pose, rotation_z, transform_points
 from split_drake.scene import Scene, Workspace
 
 WIDTH_M = 0.010
@@ -59,12 +60,13 @@ def handle(
     planner: Placer,
     on_step: Callable[[Segment], None] | None = None,
     limits: AttemptLimits | None = None,
+    plan: Plan | None = None,
 ) -> Handled:
     problem = mug_problem(Subgoal.REORIENT, UPRIGHT)
     scene = Scene(problem.p_WPs, problem.p_WPs[:2000], Workspace())
     perception = Perception(scene, problem.pose_sets, 0.1)
     handler = Handler(planner, Executor(robot, on_step), Layout(), limits or AttemptLimits())
-    return handler.run(reorient_plan(), perception, 0.5, np.random.default_rng(0))
+    return handler.run(plan or reorient_plan(), perception, 0.5, np.random.default_rng(0))
 
 
 def sees(monkeypatch: pytest.MonkeyPatch, X_GE: Array) -> None:
@@ -314,15 +316,78 @@ def test_a_hand_that_is_caught_slides_out_along_what_it_feels() -> None:
     np.testing.assert_allclose(robot.q, Q_HOME, atol=1e-6)
 
 
-@pytest.mark.parametrize(("tries", "recovery"), [(0, "tried no way out"), (2, "found no way out")])
-def test_a_hand_that_stays_caught_says_so(
-    tries: int, recovery: str, monkeypatch: pytest.MonkeyPatch
+def test_ways_out_know_where_the_object_was_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    X_GE = make_pose(rotation_z(0.02), (0.0, 0.0, 0.5 * KEPT_SHIFT_M))
+    sees(monkeypatch, X_GE)
+    robot, found = PerfectRobot(WIDTH_M), list[Array]()
+
+    def eased_out(recovery: Recovery, caught: ExecutionResult, p_WPs: Array) -> ExecutionResult:
+        found.append(p_WPs)
+        return caught
+
+    monkeypatch.setattr(Recovery, "eased_out", eased_out)
+    handle(robot, Placer(), catch(robot, SLOPE_W))
+    plan, cloud = reorient_plan(), mug_problem(Subgoal.REORIENT, UPRIGHT).p_WPs
+    X_WMoved = plan.X_WGplace @ X_GE @ invert_pose(plan.X_WGrasp)
+    np.testing.assert_allclose(found[0], transform_points(X_WMoved, cloud), atol=1e-6)
+
+
+def test_a_robot_that_eased_its_hand_out_but_finds_no_way_home_has_failed(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("planning.way_out.follow", lambda *_: None)
+    monkeypatch.setattr("planning.recovery.free_motion", lambda *_: NoMotion("walled in"))
+    robot = PerfectRobot(WIDTH_M)
+    handled = handle(robot, Placer(), catch(robot, SLOPE_W))
+    (attempt,) = handled.attempts
+    assert attempt.failure == (Stage.PLACEMENT, "no way home was found") and not handled.home
+
+
+@pytest.mark.parametrize("tries", [0, 2])
+def test_a_hand_that_stays_caught_says_so(tries: int) -> None:
     robot = PerfectRobot(WIDTH_M)
     limits = AttemptLimits(ways_out=tries)
-    handled = handle(robot, Placer(), catch(robot, SLOPE_W), limits)
+    handled = handle(robot, Placer(), catch(robot, (0.0, 0.0, -1.0)), limits)
     assert failures(handled) == [Stage.PLACEMENT] and not handled.home
     (attempt,) = handled.attempts
     assert "caught on the object" in attempt.failure[1]
-    assert attempt.recovery.startswith(recovery)
+    assert attempt.recovery == "the hand stayed caught"
+    assert attempt.execution is not None
+    retreats = [log for log in attempt.execution.logs if log.name is SegmentName.RETREAT]
+    assert len(retreats) == 1 + tries and all(log.stopped_by_contact for log in retreats)
+
+
+def test_a_hand_that_is_caught_where_it_puts_the_object_down_slides_out_as_well(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    lost = HeldView(np.eye(4), 0.4, "40% of it matches", elsewhere=True)
+    monkeypatch.setattr("planning.handling.view_held", lambda *_: lost)
+    robot = PerfectRobot(WIDTH_M)
+    handled = handle(robot, Placer(), catch(robot, SLOPE_W))
+    assert handled.home and handled.attempts[-1].recovery == "put the object down"
+    robot = PerfectRobot(WIDTH_M)
+    handled = handle(robot, Placer(), catch(robot, (0.0, 0.0, -1.0)))
+    assert not handled.home
+    assert handled.attempts[-1].recovery == "put the object down; the hand stayed caught"
+
+
+def test_an_object_that_turned_after_a_failure_does_not_hide_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    views = iter([HeldView(np.eye(4), 1.0), HeldView(np.eye(4), 0.4, "40%", elsewhere=True)])
+    monkeypatch.setattr("planning.handling.view_held", lambda *_: next(views))
+    robot, planner = PerfectRobot(WIDTH_M, floor_m=blocking_floor_m()), Placer(placing())
+    handled = handle(robot, planner)
+    assert failures(handled) == [Stage.PLACEMENT] and planner.asked == []
+    assert handled.attempts[-1].recovery.startswith("put the object down")
+
+
+def test_a_hung_object_is_left_where_the_hand_was_eased_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The rest of the plan, which leads back from the hook, starts elsewhere."""
+    robot = PerfectRobot(WIDTH_M)
+    plan = replace(reorient_plan(), subgoal=Subgoal.HANG)
+    handled = handle(robot, Placer(), catch(robot, SLOPE_W), plan=plan)
+    (attempt,) = handled.attempts
+    assert attempt.failure == (None, "") and attempt.recovery == "eased the hand out"
+    assert np.abs(robot.q - Q_HOME).max() > 0.1

@@ -91,7 +91,7 @@ def test_putting_down_stops_on_the_table_however_low_the_object_hangs(hanging_m:
             else None
         ),
     )
-    Recovery(executor, Layout()).put_down(plan)
+    assert Recovery(executor, Layout(), ways_out=0).put_down(plan, mug_cloud())
     assert table_m - 0.002 < reached[0] < table_m
     assert robot.opening_m == pytest.approx(plan.pick[1].opening_end_m)
 
@@ -101,7 +101,7 @@ def test_home_is_reached_around_what_is_seen(monkeypatch: pytest.MonkeyPatch) ->
     robot = PerfectRobot(object_m=0.0, q=plan.pick[1].trajectory.qs[0].copy())
     standing = transform_points(plan.X_WObject, mug_cloud())
     monkeypatch.setattr("planning.recovery.beside_robot", lambda *_: standing)
-    assert Recovery(Executor(robot), Layout()).go_home(np.random.default_rng(0))
+    assert Recovery(Executor(robot), Layout(), ways_out=0).go_home(np.random.default_rng(0))
     np.testing.assert_allclose(robot.q, Q_HOME, atol=1e-6)
 
 
@@ -109,5 +109,5 @@ def test_the_arm_stays_where_no_way_home_is_found(monkeypatch: pytest.MonkeyPatc
     q = reorient_plan().pick[1].trajectory.qs[0]
     robot = PerfectRobot(object_m=0.0, q=q.copy())
     monkeypatch.setattr("planning.recovery.free_motion", lambda *_: NoMotion("walled in"))
-    assert not Recovery(Executor(robot), Layout()).go_home(np.random.default_rng(0))
+    assert not Recovery(Executor(robot), Layout(), ways_out=0).go_home(np.random.default_rng(0))
     np.testing.assert_array_equal(robot.q, q)
