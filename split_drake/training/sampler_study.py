@@ -38,6 +38,9 @@ Row = dict[str, Any]
 EVALUATIONS = (100, 50, 25, 16, 12, 10, 8, 5)
 TEMPERATURES = (0.0, 0.1, 0.2, 0.3, 0.5, 1.0)
 SHIPPED = LangevinConfig()
+# Marked on the plots' logarithmic axes.
+SHOWN_EVALUATIONS = (5, 8, 12, 25, 50, 100)
+SHOWN_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 
 
 @dataclass(frozen=True)
@@ -205,9 +208,10 @@ def plot_study(rows: Sequence[Row], path: Path) -> None:
         for axes, (name, task) in zip(axes_line, columns, strict=True):
             _plot_measure(axes, shown, name, task, against)
             axes.set(xlabel=title, xscale="linear" if against == "temperature" else "log")
-    for axes in grid[0]:
-        axes.minorticks_off()
-        axes.set_xticks(EVALUATIONS, [str(count) for count in EVALUATIONS])
+    for ticks, axes_line in zip((SHOWN_EVALUATIONS, SHOWN_S), grid, strict=False):
+        for axes in axes_line:
+            axes.minorticks_off()
+            axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     grid[0, 0].legend()
     figure.savefig(path, dpi=120)
 
