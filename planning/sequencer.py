@@ -1,8 +1,9 @@
 """From a task to its end: perceive, plan, handle; where no hang can be planned, reorient first."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -16,7 +17,20 @@ from split_drake.pose_set import PoseTask
 from split_drake.poses import Array, invert_pose
 from split_drake.scene import EmptySceneError, Scene
 
-Perceive = Callable[[Sequence[PoseTask]], tuple[Scene, PoseSets]]
+
+class Perceive(Protocol):
+    """Looks at the workspace and detects pose sets."""
+
+    def __call__(self, tasks: Sequence[PoseTask], again: bool) -> tuple[Scene, PoseSets]:
+        """Return the scene and the tasks' pose sets.
+
+        Args:
+            tasks: whose pose sets are wanted.
+            again: whether what was found last time led nowhere, so that poses of other kinds are
+                worth more than the best ones.
+        """
+        ...
+
 
 # An object that was stood upright is taken to stand where it is seen tilted by no more than this:
 # some mugs lean on their handles for good.
@@ -28,7 +42,7 @@ class Sequencer:
 
     Args:
         planner: for every subgoal.
-        perceive: looks at the workspace and detects the given tasks' pose sets.
+        perceive: looks at the workspace.
         executor: of plans.
         layout: of the static station.
         limits: how much is tried.
@@ -55,11 +69,14 @@ class Sequencer:
         """
         return _Run(self, task, rng).run()
 
-    def look(self, task: Subgoal) -> Perception:
-        """Perceive what the task, and standing the object upright before it, need."""
+    def look(self, task: Subgoal, again: bool = False) -> Perception:
+        """Perceive what the task, and standing the object upright before it, need.
+
+        `again`: whether what was perceived last led nowhere.
+        """
         tasks = tuple(dict.fromkeys((*task.tasks, *Subgoal.REORIENT.tasks)))
         started = time.monotonic()
-        scene, pose_sets = self._perceive(tasks)
+        scene, pose_sets = self._perceive(tasks, again)
         return Perception(scene, pose_sets, time.monotonic() - started)
 
     def plan(
@@ -130,7 +147,8 @@ class _Run:
         )
 
     def _look(self) -> Perception:
-        perception = self._sequencer.look(self._task)
+        led_nowhere = bool(self._attempts) and self._attempts[-1].failure[0] is not None
+        perception = self._sequencer.look(self._task, again=led_nowhere)
         self._perception_s += perception.duration_s
         return perception
 

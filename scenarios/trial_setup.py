@@ -4,7 +4,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from split_drake.oracle import OracleDetector, Truth
 from split_drake.pose_set import PoseDetector
 from split_drake.starts import NoStartError, draw_start, reject_for_hang, reject_for_reorient
 from split_drake.station import Station
+
+if TYPE_CHECKING:  # PyTorch is imported by those who need it
+    from split_drake.split.detector import SplitDetector
 
 
 @dataclass(frozen=True)
@@ -88,10 +91,14 @@ def set_up(spec: TrialSpec, rng: np.random.Generator) -> Setup:
     raise NoStartError(f"all mugs of {spec.mugs.where}", list(redraws.elements()))
 
 
-def make_detector(spec: TrialSpec, setup: Setup) -> PoseDetector:
-    """Return the detector that a trial asks for."""
+def make_detector(spec: TrialSpec, setup: Setup, wide: bool = False) -> PoseDetector:
+    """Return the detector that a trial asks for; `wide`: one of poses that spread further.
+
+    The true poses are all there are.
+    """
     if spec.detector == "split":
-        return _split_detector(spec.checkpoint)
+        detector = _split_detector(spec.checkpoint)
+        return detector.widened() if wide else detector
     oracle = OracleDetector(
         setup.truth, setup.mug, _grasp_labels(spec.mugs, setup.mug.body.name, spec.folder)
     )
@@ -105,7 +112,7 @@ def planner_named(name: str) -> Planner:
 
 
 @lru_cache(maxsize=1)
-def _split_detector(checkpoint: Path | None) -> PoseDetector:
+def _split_detector(checkpoint: Path | None) -> "SplitDetector":
     """Return SPLIT, on one thread: results depend on the number of threads."""
     import torch
 

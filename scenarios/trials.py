@@ -90,7 +90,7 @@ class _Trial:
         self._begun = time.monotonic()
         self.setup = set_up(spec, self._rngs.start)
         self._station, self._recorder = self.setup.station, self.setup.recorder
-        self._detector = make_detector(spec, self.setup)
+        self._detectors = [make_detector(spec, self.setup, wide) for wide in (False, True)]
         self._limits = LimitLog(self._station, self.setup.truth)
         self._checked: CheckedPlanner | None = None
         self._lifting = False
@@ -144,11 +144,13 @@ class _Trial:
             return None
         return tuple(f"{each.name}: {each.what}" for each in self._checked.violations)
 
-    def _perceive(self, tasks: Sequence[PoseTask]) -> tuple[Scene, dict[PoseTask, PoseSet]]:
+    def _perceive(
+        self, tasks: Sequence[PoseTask], again: bool
+    ) -> tuple[Scene, dict[PoseTask, PoseSet]]:
         layout = self._station.config.layout
         clean = Scene.from_views(self._station.capture(), layout.workspace)
         scene = clean.with_noise(self._spec.noise_m, self._rngs.noise)
-        pose_sets = self._detector.detect(scene, tasks, self._rngs.detector)
+        pose_sets = self._detectors[again].detect(scene, tasks, self._rngs.detector)
         self._perceived.append((scene, pose_sets))
         if self._recorder:
             self._recorder.show_perception(scene.p_WPs, pose_sets, self._station.time_s)

@@ -20,7 +20,7 @@ from split_drake.split.checkpoint import (
     load_checkpoint,
     save_checkpoint,
 )
-from split_drake.split.detector import SamplerConfig, SplitDetector
+from split_drake.split.detector import WIDE_TEMPERATURE, SamplerConfig, SplitDetector
 from split_drake.split.diffusion import LangevinConfig
 from split_drake.split.network import SplitConfig, SplitNetwork
 
@@ -244,6 +244,13 @@ def test_where_a_network_comes_from_is_kept(checkpoint: Path, network: SplitNetw
     further = replace(info, earlier_commits=("f00d",), parent={"sha256": "ab", "steps": 3})
     save_checkpoint(checkpoint, network, further)
     assert load_checkpoint(checkpoint)[1] == further
+
+
+def test_a_widened_detector_differs_in_the_temperature_alone(network: SplitNetwork) -> None:
+    detector = SplitDetector(network, SamplerConfig(samples=7))
+    wide = detector.widened()
+    langevin = replace(detector.config.langevin, temperature=WIDE_TEMPERATURE)
+    assert wide.config == replace(detector.config, langevin=langevin) != detector.config
 
 
 def test_the_scenes_of_all_ancestors_are_counted(checkpoint: Path) -> None:

@@ -1,7 +1,7 @@
 """SPLIT as a pose detector: a scene in, ranked pose sets out."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Self
@@ -23,6 +23,9 @@ from split_drake.split.diffusion import (
 from split_drake.split.inference import ScenePredictor
 from split_drake.split.network import SplitNetwork
 from split_drake.split.se3 import compose, uniform_rotations
+
+# Of the noise that is injected where samples are to spread, not to gather at the modes.
+WIDE_TEMPERATURE = 0.5
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,15 @@ class SplitDetector:
         """
         network, _ = load_checkpoint(default_weights() if path is None else path)
         return cls(network, config)
+
+    def widened(self) -> "SplitDetector":
+        """Return a detector with the same network whose samples spread further.
+
+        80% of the true grasps of training mugs have a sample nearby, in place of 61%, and 85% of
+        the grasps are good, in place of 92% (`split_drake.training.sampler_study`).
+        """
+        langevin = replace(self.config.langevin, temperature=WIDE_TEMPERATURE)
+        return SplitDetector(self._network, replace(self.config, langevin=langevin))
 
     def detect(
         self, scene: Scene, tasks: Sequence[PoseTask], rng: np.random.Generator
