@@ -21,8 +21,9 @@ from split_drake.poses import (
     transform_points,
 )
 
-# Points this close to the robot's own shapes may be the robot.
-ROBOT_MARGIN_M = 0.008
+# Points this close to the shapes that stand for the hand, and for the arm, may be the robot: the
+# arm's capsules leave out more of what is seen of it.
+HAND_MARGIN_M, ARM_MARGIN_M = 0.008, 0.030
 # A held object is sought within this distance of where it is expected.
 SEARCH_M = 0.03
 MODEL_VOXEL_M, SEEN_VOXEL_M = 0.0025, 0.004
@@ -129,9 +130,9 @@ def _on_robot(p_WPs: Array, q: Array, opening_m: float) -> NDArray[np.bool_]:
     p_GPs = transform_points(invert_pose(gripper_pose(q)), p_WPs)
     on_robot = np.zeros(len(p_WPs), dtype=bool)
     for box in gripper_boxes(float(np.clip(opening_m, 0.0, MAX_OPENING_M))):
-        on_robot |= distance_to_box(p_GPs, box) < ROBOT_MARGIN_M
+        on_robot |= distance_to_box(p_GPs, box) < HAND_MARGIN_M
     X_WLs = np.concatenate([make_pose()[None], link_poses(q[None])[0]])
     for link, capsule in arm_capsules():
         p_WEnds = transform_points(X_WLs[link], capsule.p_FEnds)
-        on_robot |= distance_to_segments(p_WPs, *p_WEnds) < capsule.radius_m + ROBOT_MARGIN_M
+        on_robot |= distance_to_segments(p_WPs, *p_WEnds) < capsule.radius_m + ARM_MARGIN_M
     return on_robot

@@ -26,7 +26,7 @@ class Perceive(Protocol):
 
         Args:
             tasks: whose pose sets are wanted.
-            again: whether what was found last time led nowhere, so that poses of other kinds are
+            again: whether what was found last time led nowhere, so that grasps of other kinds are
                 worth more than the best ones.
         """
         ...

@@ -90,7 +90,8 @@ class _Trial:
         self._begun = time.monotonic()
         self.setup = set_up(spec, self._rngs.start)
         self._station, self._recorder = self.setup.station, self.setup.recorder
-        self._detectors = [make_detector(spec, self.setup, wide) for wide in (False, True)]
+        self._detector = make_detector(spec, self.setup)
+        self._wide_detector = make_detector(spec, self.setup, wide=True)
         self._limits = LimitLog(self._station, self.setup.truth)
         self._checked: CheckedPlanner | None = None
         self._lifting = False
@@ -150,7 +151,10 @@ class _Trial:
         layout = self._station.config.layout
         clean = Scene.from_views(self._station.capture(), layout.workspace)
         scene = clean.with_noise(self._spec.noise_m, self._rngs.noise)
-        pose_sets = self._detectors[again].detect(scene, tasks, self._rngs.detector)
+        pose_sets = self._detector.detect(scene, tasks, self._rngs.detector)
+        if again and PoseTask.GRASP in tasks:
+            # Places that an object can be put to gather for good reason: only grasps spread.
+            pose_sets |= self._wide_detector.detect(scene, [PoseTask.GRASP], self._rngs.detector)
         self._perceived.append((scene, pose_sets))
         if self._recorder:
             self._recorder.show_perception(scene.p_WPs, pose_sets, self._station.time_s)

@@ -22,6 +22,7 @@ from split_drake.poses import (
     transform_points,
 )
 from split_drake.scene import Scene
+from split_drake.station import Station
 
 LAYOUT = Layout()
 LOWEST_Z_M = LAYOUT.workspace.lowest_z_m
@@ -128,3 +129,14 @@ def test_points_of_the_robot_and_the_table_are_left_out() -> None:
     assert not beside_pads.any()
     assert kept[:, 2].min() > LOWEST_Z_M
     assert len(beside_robot([], Q, WALL_M, LOWEST_Z_M)) == 0
+
+
+def test_nothing_is_left_of_a_robot_above_the_workspace() -> None:
+    station = Station()
+    q = np.array([1.075, 0.858, -1.07, -2.638, -0.101, 3.66, 2.256])
+    station.set_arm(q, 0.08)
+    views = station.capture()
+    in_sight = np.concatenate([view.points(LOWEST_Z_M) for view in views])
+    assert LAYOUT.workspace.contains(in_sight).sum() > 1000, "the robot is in sight"
+    left = beside_robot(views, q, 0.08, LOWEST_Z_M)
+    assert not LAYOUT.workspace.contains(left).any()
