@@ -29,6 +29,9 @@ HAND_BODIES = ("panda_hand", *FINGER_BODIES)
 MOVING_BODIES = (*(f"panda_link{number}" for number in range(1, 8)), *HAND_BODIES)
 GRIPPER_FRAME = "gripper"
 
+# Upper bounds of the torques that carry the arm's own weight, from 20,000 random configurations.
+MAX_WEIGHT_NM = (0.0, 57.0, 30.0, 23.0, 2.7, 2.5, 0.1)
+
 # The hand hangs over the table between the base and the workspace, behind every line of sight from
 # the cameras of `layout.two_views` to the workspace.
 Q_HOME: Array = np.array([0.0, -0.9, 0.0, -2.5, 0.0, 1.6, np.pi / 4])

@@ -25,7 +25,7 @@ from pydrake.systems.sensors import RgbdSensor
 
 from split_drake.arm_command import arm_command_system
 from split_drake.detector_system import PoseDetectorSystem
-from split_drake.panda import ARM_JOINTS, FINGER_BODIES, FINGER_JOINTS
+from split_drake.panda import ARM_JOINTS, FINGER_BODIES, FINGER_JOINTS, MAX_WEIGHT_NM
 from split_drake.station_config import StationConfig
 
 # Edges of the meshes that stand for round shapes in hydroelastic contact.
@@ -44,11 +44,18 @@ def add_plant(builder: DiagramBuilder, config: StationConfig) -> tuple[Multibody
 def set_actuator_gains(
     plant: MultibodyPlant, panda: ModelInstanceIndex, config: StationConfig
 ) -> None:
-    """Let the actuators track desired states; the arm's own weight is compensated for."""
+    """Let the actuators track desired states; the arm's own weight is compensated for.
+
+    What its weight takes at most is left out of the torques that they may exert, so that both
+    together keep the joints' limits.
+    """
     finger = (config.finger_kp_n_per_m, config.finger_kd_ns_per_m)
     arm = zip(config.arm_kp_nm_per_rad, config.arm_kd_nms_per_rad, strict=True)
     for name, (p, d) in zip(ARM_JOINTS + FINGER_JOINTS, (*arm, finger, finger), strict=True):
         plant.GetJointActuatorByName(name, panda).set_controller_gains(PdControllerGains(p=p, d=d))
+    for name, weight_nm in zip(ARM_JOINTS, MAX_WEIGHT_NM, strict=True):
+        actuator = plant.GetJointActuatorByName(name, panda)
+        actuator.set_effort_limit(actuator.effort_limit() - weight_nm)
     plant.set_gravity_enabled(panda, False)
 
 

@@ -11,7 +11,7 @@ from scenarios.records import TrialRecord, worst_peaks
 from scenarios.report import index_page, rates_by_width
 from split_drake.data.mugs import load_mug
 from split_drake.oracle import Truth
-from split_drake.panda import Q_HOME, arm_limits, weight_torques_nm
+from split_drake.panda import MAX_WEIGHT_NM, Q_HOME, arm_limits, weight_torques_nm
 from split_drake.station import Station
 
 WITHIN = Peaks(0.5, 0.7, 0.6, 0.001)
@@ -36,6 +36,7 @@ def test_a_commanded_jump_is_seen_as_too_fast() -> None:
     station.command(Q_HOME + 0.5, np.zeros(7), 0.08, 40.0)
     station.advance(0.3)
     assert log.peaks.velocity_share > 1.0
+    assert 0.3 < log.peaks.torque_share <= 1.0
     assert any(text.startswith("velocity") for text in log.peaks.exceeded())
 
 
@@ -50,6 +51,14 @@ def test_a_hand_in_the_table_is_seen() -> None:
     station.advance(0.02)
     assert 0.001 < log.peaks.fixture_depth_m < 0.015
     assert any(text.endswith("in fixtures") for text in log.peaks.exceeded())
+
+
+def test_no_weight_is_greater_than_what_is_left_for_it() -> None:
+    limits, rng = arm_limits(), np.random.default_rng(1)
+    qs = rng.uniform(limits.q_lower, limits.q_upper, (500, 7))
+    largest = np.max([np.abs(weight_torques_nm(q)) for q in qs], axis=0)
+    assert np.all(largest <= MAX_WEIGHT_NM)
+    assert np.all(largest[1:] >= 0.7 * np.array(MAX_WEIGHT_NM[1:])), "no more than it takes"
 
 
 def test_weight_torques_lift_the_arm() -> None:
