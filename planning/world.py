@@ -35,7 +35,7 @@ TOLERATED_M = 0.001
 # which is where it declares no contact: the arm follows its commands within some millirad, and is a
 # metre long.
 HOOK_MARGIN_M = 0.004
-TABLE_MARGIN_M, FAST_TABLE_MARGIN_M = 0.002, 0.006
+TABLE_MARGIN_M, FAST_TABLE_MARGIN_M = 0.001, 0.006
 
 BoolArray = NDArray[np.bool_]
 

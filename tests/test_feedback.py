@@ -64,8 +64,9 @@ class HighAtFirst:
 def test_a_mug_that_was_missed_is_taken_at_the_second_attempt(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def misled(spec: TrialSpec, setup: Setup) -> PoseDetector:
-        return HighAtFirst(make_detector(spec, setup))
+    def misled(spec: TrialSpec, setup: Setup, wide: bool = False) -> PoseDetector:
+        detector = make_detector(spec, setup, wide)
+        return detector if wide else HighAtFirst(detector)
 
     monkeypatch.setattr(scenarios.trials, "make_detector", misled)
     record = run_trial(spec_of(tmp_path, seed=1))
