@@ -144,8 +144,8 @@ class Executor:
         place relative to the object counts, and sheds it on the next free motion.
 
         What is felt is the change since the segment's start, when the arm may carry something; a
-        hand that draws back carries nothing, but may touch something from the start, and goes on
-        as long as that touches it no harder.
+        hand that draws back carries nothing, but may touch something from the start, and stops
+        where the force grows beyond its limit.
         """
         robot, trajectory = self.robot, segment.trajectory
         sheds = segment.name in (SegmentName.TRANSIT, SegmentName.TRANSFER)
