@@ -3,13 +3,38 @@
 import numpy as np
 
 from planning.perceived import voxel_centroids
+from planning.plan_contract import contract_violations
 from planning.planner import Planner
 from planning.problem import Plan, PlanFailure, PlanningProblem
-from planning.trajectory_check import TrajectoryChecker, Violation
+from planning.trajectory_check import TrajectoryChecker
+from planning.violation import Violation
 from planning.world import same_fixtures
+from split_drake.layout import Layout
 
 # Plans are checked against the perceived cloud, thinned to voxels of this edge.
 CHECK_VOXEL_M = 0.012
+
+
+class PlanChecker:
+    """Says what is wrong with plans for a layout.
+
+    Shares with what makes them kinematics in the plan's ends, and which contacts may be declared.
+
+    Attributes:
+        layout: of the static station.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+        self._trajectories = TrajectoryChecker(layout)
+
+    def violations(self, plan: Plan, problem: PlanningProblem) -> list[Violation]:
+        """Return what keeps the plan from solving the problem; empty where nothing does.
+
+        What it touches is looked at where it is a plan for the problem at all.
+        """
+        found = contract_violations(plan, problem)
+        return found or self._trajectories.violations(plan, check_points(problem))
 
 
 class CheckedPlanner:
@@ -25,18 +50,18 @@ class CheckedPlanner:
     def __init__(self, planner: Planner) -> None:
         self.violations: list[Violation] = []
         self._planner = planner
-        self._checker: TrajectoryChecker | None = None
+        self._checker: PlanChecker | None = None
 
     def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
         """Return the other planner's outcome, checked where it is a plan."""
         outcome = self._planner.plan(problem, rng)
         if isinstance(outcome, Plan):
-            self.violations += self._checker_of(problem).violations(outcome, check_points(problem))
+            self.violations += self._checker_of(problem).violations(outcome, problem)
         return outcome
 
-    def _checker_of(self, problem: PlanningProblem) -> TrajectoryChecker:
+    def _checker_of(self, problem: PlanningProblem) -> PlanChecker:
         if self._checker is None or not same_fixtures(problem.layout, self._checker.layout):
-            self._checker = TrajectoryChecker(problem.layout)
+            self._checker = PlanChecker(problem.layout)
         return self._checker
 
 

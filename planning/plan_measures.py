@@ -13,6 +13,7 @@ from planning.distances import (
 )
 from planning.kinematics import X_7G, link_poses
 from planning.problem import JointTrajectory, Plan, Segment, SegmentName
+from planning.timing import SAMPLE_S
 from planning.world import densified, static_checker
 from split_drake.gripper import MAX_OPENING_M, PALM, finger_boxes
 from split_drake.layout import Layout
@@ -33,9 +34,10 @@ class PlanMeasures:
         duration_s: of all segments, where nothing stops them.
         path_length_rad: sum over all segments of the Euclidean length in joint space.
         rms_jerk_rad_s3: root of the mean, over time and joints, of the squared jerk of the segments
-            that move; second differences of the sampled velocities.
-        clearance_m: least distance of the robot, and of what it holds, to anything else during
-            transits and transfers; `FARTHEST_M` where it is more.
+            that move, from rest to rest; second differences of the sampled velocities.
+        clearance_m: least distance, during transits and transfers, of the robot and what it holds
+            to table and hook, and of the robot to the object, that is to the points given of it.
+            Often that of a segment's end.  `FARTHEST_M` where it is more.
     """
 
     duration_s: float
@@ -104,13 +106,17 @@ class PlanMeter:
 
 
 def rms_jerk(trajectories: list[JointTrajectory]) -> float:
-    """Return the root mean square jerk in rad/s^3 of those trajectories that move."""
-    squares = [
-        np.square(np.diff(t.vs, n=2, axis=0) / np.square(np.diff(t.times_s)[1:, None])).ravel()
-        for t in trajectories
-        if np.any(t.vs)
-    ]
+    """Return the root mean square jerk in rad/s^3 of those trajectories that move.
+
+    They are sampled every `SAMPLE_S`.
+    """
+    squares = [np.square(_jerks(t.vs)).ravel() for t in trajectories if np.any(t.vs)]
     return float(np.sqrt(np.concatenate(squares).mean())) if squares else 0.0
+
+
+def _jerks(vs: Array) -> Array:
+    """Return (T, 7) jerks in rad/s^3 of velocities (T, 7), with rest before and after them."""
+    return np.diff(np.pad(vs, ((1, 1), (0, 0))), n=2, axis=0) / SAMPLE_S**2
 
 
 def _length_rad(qs: Array) -> float:

@@ -58,6 +58,9 @@ class AllowedContact(StrEnum):
 class JointTrajectory:
     """Arm positions over time, from rest to rest.
 
+    One sample is executed every 10 ms (`planning.timing.SAMPLE_S`), whatever `times_s` says:
+    `planning.timing.time_path` samples a path so, and the check of plans refuses any other.
+
     Attributes:
         times_s: (T,) ascending from 0.
         qs: (T, 7) joint angles, rad.
@@ -120,10 +123,29 @@ class Segment:
 class Plan:
     """A pick and place as named segments, each starting where the last one ends.
 
+    ========  =======================================================================  =======
+    segment   what it does                                                             holding
+    ========  =======================================================================  =======
+    TRANSIT   from `q_start` to before the grasp                                       no
+    APPROACH  straight on until the pads are around the object                         no
+    CLOSE     at rest, the opening to below 0                                          no
+    LIFT      off the table                                                            yes
+    TRANSFER  to before the goal                                                       yes
+    INSERT    once or more: to the goal, and down by feel (`stop_on_contact`)          yes
+    OPEN      at rest                                                                  no
+    RETREAT   straight back, slowly (`planning.timing.WARY`)                           no
+    TRANSIT   away from the object; after REORIENT out of the cameras' sight (Q_HOME)  no
+    ========  =======================================================================  =======
+
+    All are there, in this order, but for the last TRANSIT of HANG, and for the first four where the
+    object is in the hand already.  Recovery drives LIFT and APPROACH back to put an object down;
+    `planning.faults` has the forces that each may feel, and takes an opening that changes by more
+    than 2 mm in TRANSFER and INSERT for a slip.  `planning.plan_contract` checks all this.
+
     Attributes:
         subgoal: what it is for.
         segments: in order of execution.
-        X_WGrasp: (4, 4) gripper pose at CLOSE.
+        X_WGrasp: (4, 4) gripper pose at CLOSE; at `q_start` where the object is in the hand.
         X_WGplace: (4, 4) gripper pose at OPEN, lowered all the way; where contact stops the
             lowering earlier, the hand opens higher.
         X_WObject: (4, 4) pose of the object's frame that is placed (H or U) before the pick.
@@ -151,18 +173,27 @@ class Plan:
 
     @property
     def _placing_from(self) -> int:
-        return [segment.name for segment in self.segments].index(SegmentName.TRANSFER)
+        names = [segment.name for segment in self.segments]
+        if SegmentName.TRANSFER not in names:
+            raise ValueError(
+                f"the plan's segments are {[str(name) for name in names]}; expected "
+                f"{SegmentName.TRANSFER!s} where the placing begins"
+            )
+        return names.index(SegmentName.TRANSFER)
 
 
 class Stage(StrEnum):
-    """Where a trial can fail."""
+    """Where a trial can fail.
+
+    ERROR: simulator, detector or planner raised or crashed; the record has the traceback.
+    """
 
     PERCEPTION = "perception"
     PLANNING = "planning"
     GRASP = "grasp"
     TRANSPORT = "transport"
     PLACEMENT = "placement"
-    SIMULATOR_ERROR = "simulator error"
+    ERROR = "error"
 
 
 @dataclass(frozen=True)
@@ -181,13 +212,14 @@ class PlanningProblem:
     Attributes:
         subgoal: what to plan for.
         pose_sets: from a detector, at least those of `subgoal.tasks`.
-        p_WPs: (N, 3) perceived full-resolution cloud of the object, metres in W.
+        p_WPs: (N, 3) perceived cloud of the object, metres in W: all that the cameras show of it,
+            thinned in problems from files.
         q_start: (7,) joint angles at the start, rad.
         layout: of the static station.
         held_width_m: measured distance between the pads that hold the object already, its pose sets
             and cloud being those of the object in the hand at `q_start`; None where it lies.
         X_WGfailed: (F, 4, 4) grasps (releases, where the object is held) that failed before and
-            shall not be tried again, nor any like them.
+            shall not be tried again, nor any like them: `planning.candidates.away_from` says which.
     """
 
     subgoal: Subgoal

@@ -33,7 +33,8 @@ Arrays = dict[str, NDArray]
 def compact(problem: PlanningProblem, max_poses: Mapping[PoseTask, int]) -> PlanningProblem:
     """Return the problem with its cloud thinned and the best poses of each task.
 
-    The default planner thins clouds to the same voxels, so it loses nothing by it.
+    The default planner thins clouds to the same voxels, so it loses nothing by that; the means of
+    modes that it plans with are those of the poses kept.
     """
     sets = {task: poses.head(max_poses[task]) for task, poses in problem.pose_sets.items()}
     return replace(problem, pose_sets=sets, p_WPs=voxel_centroids(problem.p_WPs, DETAIL_VOXEL_M))

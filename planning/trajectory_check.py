@@ -5,7 +5,6 @@ collisions come from a MultibodyPlant's QueryObject; the planner has its own in 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -20,7 +19,9 @@ from planning.exemptions import (
     TABLE_LIFT_M,
     peg_tube,
 )
-from planning.problem import AllowedContact, Plan, Segment, SegmentName
+from planning.problem import AllowedContact, JointTrajectory, Plan, Segment, SegmentName
+from planning.timing import SAMPLE_S
+from planning.violation import Violation
 from split_drake.fixtures import HOOK_BODY, TABLE_BODY, add_hook, add_table
 from split_drake.gripper import MAX_OPENING_M
 from split_drake.layout import Layout
@@ -39,25 +40,13 @@ STEP_RAD = 0.005
 TOUCH_M = 0.003
 # Segments join, and limits hold, to this precision (rad, rad/s).
 TOLERANCE = 1e-6
+# Velocities are those at which the angles change between samples, but for this much (rad/s): a
+# joint that turns from full acceleration to full braking between two of them is 0.04 off.
+VELOCITY_TOLERANCE = 0.1
 # FINGERS_TARGET is declared for this stretch at most before the grasp and after the release.
 FINGER_STRETCH_M = 0.08 + 1e-4
 # What is next to the held object by construction.
 _HOLDERS = (*HAND_BODIES, "panda_link7")
-
-
-@dataclass(frozen=True)
-class Violation:
-    """A contact that no segment declares, or a motion that the arm cannot make.
-
-    Attributes:
-        segment: number of the segment, from 0.
-        name: of the segment.
-        what: is wrong, with the values.
-    """
-
-    segment: int
-    name: str
-    what: str
 
 
 class TrajectoryChecker:
@@ -232,18 +221,38 @@ def fine_steps(qs: Array) -> Iterator[Array]:
 
 
 def _kinematic_violations(plan: Plan) -> Iterator[Violation]:
-    """Yield where segments do not join or leave the limits of the joints."""
-    limits = arm_limits()
+    """Yield where segments do not join, or move as the arm cannot."""
     end = plan.segments[0].trajectory.qs[0]
     for number, segment in enumerate(plan.segments):
-        qs, vs = segment.trajectory.qs, segment.trajectory.vs
-        jump = np.abs(qs[0] - end).max()
+        trajectory = segment.trajectory
+        jump = np.abs(trajectory.qs[0] - end).max()
         if jump > TOLERANCE:
-            yield Violation(number, segment.name, f"starts {jump:.4f} rad from the last one's end")
-        if np.any(qs < limits.q_lower - TOLERANCE) or np.any(qs > limits.q_upper + TOLERANCE):
-            yield Violation(number, segment.name, "leaves the joints' range")
-        if np.any(np.abs(vs) > limits.v_max + TOLERANCE):
-            yield Violation(number, segment.name, f"reaches {np.abs(vs).max():.2f} rad/s")
-        if np.abs(vs[[0, -1]]).max() > TOLERANCE:
-            yield Violation(number, segment.name, "does not start and end at rest")
-        end = qs[-1]
+            what = f"starts {jump:.4f} rad from the last one's end"
+            yield Violation(number, segment.name, what)
+        for what in _beyond_limits(trajectory):
+            yield Violation(number, segment.name, what)
+        end = trajectory.qs[-1]
+
+
+def _beyond_limits(trajectory: JointTrajectory) -> Iterator[str]:
+    """Yield which limits a trajectory leaves, and where it contradicts itself.
+
+    What is executed are the angles, one sample every `SAMPLE_S`, whatever `vs` says.
+    """
+    limits = arm_limits()
+    qs, vs = trajectory.qs, trajectory.vs
+    beyond = np.maximum(limits.q_lower - qs, qs - limits.q_upper).max(axis=0)
+    joint = int(np.argmax(beyond))
+    if beyond[joint] > TOLERANCE:
+        yield f"leaves the range of joint {joint + 1} by {beyond[joint]:.4f} rad"
+    moved = np.diff(qs, axis=0) / SAMPLE_S
+    for speeds in (np.abs(vs).max(axis=0), np.abs(moved).max(axis=0)):
+        joint = int(np.argmax(speeds / limits.v_max))
+        if speeds[joint] > limits.v_max[joint] * (1.0 + 1e-3):
+            limit = limits.v_max[joint]
+            yield f"moves joint {joint + 1} at {speeds[joint]:.2f} rad/s; it can {limit:.2f}"
+    wrong = np.abs(moved - (vs[1:] + vs[:-1]) / 2.0).max()
+    if wrong > VELOCITY_TOLERANCE:
+        yield f"has velocities that are {wrong:.3f} rad/s off those at which its angles change"
+    if np.abs(vs[[0, -1]]).max() > TOLERANCE:
+        yield f"starts or ends at {np.abs(vs[[0, -1]]).max():.3f} rad/s; expected rest"

@@ -4,7 +4,8 @@ import json
 import logging
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import cache, lru_cache, partial
 from pathlib import Path
@@ -12,13 +13,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from planning.checked_planner import check_points
+from planning.checked_planner import PlanChecker, check_points
 from planning.layout_json import layout_from_json, layout_to_json
 from planning.plan_measures import PlanMeasures, PlanMeter
 from planning.planner import Planner, make_planner
 from planning.problem import Plan, PlanFailure, PlanningProblem
 from planning.problem_files import load_problems
-from planning.trajectory_check import TrajectoryChecker
 from scenarios.resume import read_json_lines
 
 SOLVED = "solved"
@@ -37,9 +37,9 @@ class BenchRecord:
         planner: its name.
         outcome: "solved", the stage that failed, "refused by the checker", or "error".
         reason: why, in words, or the traceback of an error; empty where solved.
-        planning_s: wall time of the planner.
+        planning_s: wall time of the planner; None where that is not known, after a crash.
         planning_cpu_s: processor time of the planner, which other programs hardly change.
-        measures: of the plan; None where there is none.
+        measures: of the plan; None where the problem is not solved.
         search: the planner's own counts.
     """
 
@@ -47,8 +47,8 @@ class BenchRecord:
     planner: str
     outcome: str
     reason: str
-    planning_s: float
-    planning_cpu_s: float
+    planning_s: float | None
+    planning_cpu_s: float | None
     measures: PlanMeasures | None = None
     search: Mapping[str, float] = field(default_factory=dict)
 
@@ -73,35 +73,32 @@ def read_bench_records(path: Path) -> list[BenchRecord]:
 
 @dataclass(frozen=True)
 class BenchTask:
-    """One problem of a file, and the planners to run on it.
+    """One problem of a file for one planner.
 
     Attributes:
         file: of the problems.
         problem: name of the problem.
-        planners: names, run one after the other.
-        seed: of every planner.
+        planner: its name.
+        seed: of every planner on the problem: that of the bench, and the problem's number.
     """
 
     file: Path
     problem: str
-    planners: tuple[str, ...]
-    seed: int
+    planner: str
+    seed: tuple[int, int]
 
 
-def run_task(task: BenchTask) -> list[BenchRecord]:
-    """Return a record for each of the task's planners."""
+def run_task(task: BenchTask) -> BenchRecord:
+    """Plan, and record what became of it."""
     logging.getLogger("drake").setLevel(logging.WARNING)
-    problem = _problems(task.file)[task.problem]
-    return [
-        run_planner(partial(_planner, name), name, problem, task.problem, task.seed)
-        for name in task.planners
-    ]
+    problems = _problems(task.file)
+    make = partial(_warm_planner, task.planner, task.file)
+    return run_planner(make, task.planner, problems[task.problem], task.problem, task.seed)
 
 
-def crashed_task(task: BenchTask) -> list[BenchRecord]:
-    """Return the records of a task whose process died."""
-    reason = "the worker process died"
-    return [BenchRecord(task.problem, name, ERROR, reason, 0.0, 0.0) for name in task.planners]
+def crashed_task(task: BenchTask) -> BenchRecord:
+    """Return the record of a task whose process died."""
+    return BenchRecord(task.problem, task.planner, ERROR, "the worker process died", None, None)
 
 
 def run_planner(
@@ -109,13 +106,13 @@ def run_planner(
     planner_name: str,
     problem: PlanningProblem,
     problem_name: str,
-    seed: int,
+    seed: Sequence[int],
 ) -> BenchRecord:
     """Make the planner, plan, check the plan independently, and measure it.
 
     Where any of this raises, the record is an error with the traceback.
     """
-    seconds = (0.0, 0.0)
+    seconds: tuple[float | None, float | None] = (None, None)
     try:
         planner = make()
         started, started_cpu = time.perf_counter(), time.process_time()
@@ -133,16 +130,14 @@ def run_planner(
 def _judged(
     outcome: Plan | PlanFailure, problem: PlanningProblem
 ) -> tuple[str, str, PlanMeasures | None]:
-    """Return the outcome in a word, the reason, and the measures of a plan."""
+    """Return the outcome in a word, the reason, and the measures of a plan that solves."""
     if isinstance(outcome, PlanFailure):
         return outcome.stage.value, outcome.reason, None
     checker, meter = _judges(layout_to_json(problem.layout))
-    points = check_points(problem)
-    violations = checker.violations(outcome, points)
-    measures = meter.measure(outcome, points)
+    violations = checker.violations(outcome, problem)
     if violations:
-        return REFUSED, f"{violations[0].name}: {violations[0].what}", measures
-    return SOLVED, "", measures
+        return REFUSED, f"{violations[0].name}: {violations[0].what}", None
+    return SOLVED, "", meter.measure(outcome, check_points(problem))
 
 
 @lru_cache(maxsize=1)
@@ -151,13 +146,19 @@ def _problems(file: Path) -> dict[str, PlanningProblem]:
 
 
 @cache
-def _planner(name: str) -> Planner:
-    """Return this process's planner of that name; it keeps its collision world."""
-    return make_planner(name)
+def _warm_planner(name: str, file: Path) -> Planner:
+    """Return this process's planner of that name.
+
+    It has planned the file's first problem: what is built at the first plan is no part of any time.
+    """
+    planner = make_planner(name)
+    with suppress(Exception):  # it will raise again where that is recorded
+        planner.plan(next(iter(_problems(file).values())), np.random.default_rng(0))
+    return planner
 
 
 @lru_cache(maxsize=1)
-def _judges(layout_json: str) -> tuple[TrajectoryChecker, PlanMeter]:
+def _judges(layout_json: str) -> tuple[PlanChecker, PlanMeter]:
     """Return what checks and what measures plans for a layout, given as JSON."""
     layout = layout_from_json(layout_json)
-    return TrajectoryChecker(layout), PlanMeter(layout)
+    return PlanChecker(layout), PlanMeter(layout)

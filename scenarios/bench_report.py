@@ -18,7 +18,7 @@ from scenarios.bench_statistics import (
 )
 from split_drake.files import write_json
 
-# Medians over solved problems: measure, heading, factor to its unit, digits.
+# Measure, heading, factor to its unit, digits.
 _MEASURES = (
     ("path_length_rad", "path length, rad", 1.0, 2),
     ("duration_s", "motion, s", 1.0, 1),
@@ -52,7 +52,10 @@ def write_bench_summary(
     content = {
         **config,
         "planners": {
-            name: {**asdict(summary := PlannerSummary.of(own)), "wilson95": summary.solved.wilson95}
+            name: {
+                **asdict(summary := PlannerSummary.of(own)),
+                "wilson95": {group: rate.wilson95 for group, rate in summary.groups.items()},
+            }
             for name, own in found.items()
         },
         "pairs": [asdict(pair) for pair in compare_all(records, planners)],
@@ -62,20 +65,20 @@ def write_bench_summary(
 
 def _planner_table(summaries: Mapping[str, PlannerSummary]) -> Table:
     """Return a table with a column for each planner."""
-    table = Table("", *summaries, title="times over all problems, the rest over solved ones")
+    title = "times over all problems, medians of plans over each planner's own"
+    table = Table("", *summaries, title=title)
     columns = [_planner_column(summary) for summary in summaries.values()]
-    for heading in columns[0] if columns else ():
-        table.add_row(heading, *(column[heading] for column in columns))
+    for heading in dict.fromkeys(heading for column in columns for heading in column):
+        table.add_row(heading, *(column.get(heading, "-") for column in columns))
     return table
 
 
 def _planner_column(summary: PlannerSummary) -> dict[str, str]:
     """Return {heading: text}."""
-    share, interval = str(summary.solved).split("  ")
     cells = {
         "problems": str(summary.solved.trials),
-        "solved": share,
-        "Wilson 95%": interval,
+        "solved": f"{summary.solved.value:.1%}",
+        **{f"  {group}": str(rate) for group, rate in summary.groups.items()},
         "planning, median s": f"{summary.median_s:.2f}",
         "planning, p95 s": f"{summary.p95_s:.2f}",
         "planning, median CPU s": f"{summary.median_cpu_s:.2f}",
@@ -87,21 +90,23 @@ def _planner_column(summary: PlannerSummary) -> dict[str, str]:
 
 
 def _pair_table(pairs: Sequence[Comparison]) -> Table:
-    """Return a table with a row for each pair; all rest on the same problems."""
-    headings = ("first - second", "solved alone", "McNemar p", "CPU s (p)", "both solved")
-    title = f"pairs on {pairs[0].problems} problems given to all; p of times, lengths: Wilcoxon"
-    table = Table(*headings, "path rad (p)", title=title)
-    for pair in pairs:
-        table.add_row(
-            f"{pair.one} - {pair.other}",
-            f"{pair.only_one} - {pair.only_other}",
-            f"{pair.mcnemar_p:.2g}",
-            _difference(pair.cpu_s),
-            str(pair.path_length_rad.problems),
-            _difference(pair.path_length_rad),
-        )
+    """Return a table with a column for each pair; all rest on the same problems."""
+    title = (
+        f"pairs on {pairs[0].problems} problems given to all: median differences (p of Wilcoxon's "
+        "test), problems taken for independent, p not corrected for the number of pairs"
+    )
+    table = Table("first - second", *(f"{pair.one} - {pair.other}" for pair in pairs), title=title)
+    table.add_row("solved alone", *(f"{pair.only_one} - {pair.only_other}" for pair in pairs))
+    table.add_row("McNemar p", *(f"{pair.mcnemar_p:.2g}" for pair in pairs))
+    table.add_row("planning, CPU s", *(_difference(pair.cpu_s, 1.0, 2) for pair in pairs))
+    both = (str(pair.measures[_MEASURES[0][0]].problems) for pair in pairs)
+    table.add_row("both solved", *both)
+    for key, heading, factor, digits in _MEASURES:
+        table.add_row(heading, *(_difference(p.measures[key], factor, digits) for p in pairs))
     return table
 
 
-def _difference(figure: PairedDifference) -> str:
-    return f"{figure.median:+.2f} ({figure.p:.2g})" if figure.problems else "-"
+def _difference(figure: PairedDifference, factor: float, digits: int) -> str:
+    if not figure.problems:
+        return "-"
+    return f"{factor * figure.median:+.{digits}f} ({figure.p:.2g})"

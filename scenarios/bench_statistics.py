@@ -11,6 +11,9 @@ from scipy.stats import wilcoxon
 from scenarios.bench_records import BenchRecord
 from scenarios.records import Rate, mcnemar_exact
 
+# Of the plans, what planners are compared by.
+MEASURES = ("path_length_rad", "duration_s", "rms_jerk_rad_s3", "clearance_m")
+
 
 @dataclass(frozen=True)
 class PlannerSummary:
@@ -18,13 +21,17 @@ class PlannerSummary:
 
     Attributes:
         solved: problems with a plan that the independent checker accepts.
-        median_s, p95_s: wall time of planning over all problems, solved or not.
+        groups: {group: the same of its problems}, a group being those whose names differ only in
+            the number after the last hyphen.  Within a group no two problems share a scene, as
+            those of several groups may: these intervals hold.
+        median_s, p95_s: wall time of planning over all problems, solved or not; NaN for none.
         median_cpu_s: processor time.
         medians: {measure: median over the solved problems}; empty where none is solved.
         failures: {outcome: count}, most frequent first.
     """
 
     solved: Rate
+    groups: Mapping[str, Rate]
     median_s: float
     p95_s: float
     median_cpu_s: float
@@ -34,19 +41,33 @@ class PlannerSummary:
     @classmethod
     def of(cls, records: Sequence[BenchRecord]) -> "PlannerSummary":
         """Return the figures of one planner's records, of which there is at least one."""
-        times = [record.planning_s for record in records]
-        plans = [vars(r.measures) for r in records if r.solved and r.measures is not None]
+        times = [r.planning_s for r in records if r.planning_s is not None] or [np.nan]
+        cpu = [r.planning_cpu_s for r in records if r.planning_cpu_s is not None] or [np.nan]
+        plans = [record.measures for record in records if record.measures is not None]
         failures = Counter(record.outcome for record in records if not record.solved)
         return cls(
-            solved=Rate(sum(record.solved for record in records), len(records)),
+            solved=_solved(records),
+            groups=_by_group(records),
             median_s=float(np.median(times)),
             p95_s=float(np.percentile(times, 95.0)),
-            median_cpu_s=float(np.median([record.planning_cpu_s for record in records])),
-            medians={name: float(np.median([p[name] for p in plans])) for name in plans[0]}
+            median_cpu_s=float(np.median(cpu)),
+            medians={name: float(np.median([getattr(p, name) for p in plans])) for name in MEASURES}
             if plans
             else {},
             failures=dict(failures.most_common()),
         )
+
+
+def _solved(records: Sequence[BenchRecord]) -> Rate:
+    return Rate(sum(record.solved for record in records), len(records))
+
+
+def _by_group(records: Sequence[BenchRecord]) -> dict[str, Rate]:
+    found: dict[str, list[BenchRecord]] = {}
+    for record in records:
+        stem, _, number = record.problem.rpartition("-")
+        found.setdefault(stem if number.isdigit() else "unnumbered", []).append(record)
+    return {group: _solved(own) for group, own in found.items()}
 
 
 @dataclass(frozen=True)
@@ -76,13 +97,15 @@ class PairedDifference:
 class Comparison:
     """Two planners on the problems that both were given.
 
+    The tests take problems for independent, and are not corrected for the number of pairs.
+
     Attributes:
         one, other: their names.
         problems: how many both were given.
         only_one, only_other: problems that only one of them solved.
         mcnemar_p: of McNemar's exact test that both solve the same share.
-        cpu_s: difference of processor times, on all shared problems.
-        path_length_rad: difference of path lengths, on problems that both solved.
+        cpu_s: difference of processor times, on all shared problems whose times are known.
+        measures: {measure: difference}, on problems that both solved.
     """
 
     one: str
@@ -92,7 +115,7 @@ class Comparison:
     only_other: int
     mcnemar_p: float
     cpu_s: PairedDifference
-    path_length_rad: PairedDifference
+    measures: Mapping[str, PairedDifference]
 
 
 def compare_all(records: Sequence[BenchRecord], planners: Sequence[str]) -> list[Comparison]:
@@ -114,11 +137,6 @@ def compare(records: Sequence[BenchRecord], one: str, other: str) -> Comparison:
     pairs = [(ones[name], others[name]) for name in ones if name in others]
     only_one = sum(a.solved and not b.solved for a, b in pairs)
     only_other = sum(b.solved and not a.solved for a, b in pairs)
-    lengths = [
-        (a.measures.path_length_rad, b.measures.path_length_rad)
-        for a, b in pairs
-        if a.solved and b.solved and a.measures is not None and b.measures is not None
-    ]
     return Comparison(
         one=one,
         other=other,
@@ -126,11 +144,21 @@ def compare(records: Sequence[BenchRecord], one: str, other: str) -> Comparison:
         only_one=only_one,
         only_other=only_other,
         mcnemar_p=mcnemar_exact(only_one, only_other),
-        cpu_s=PairedDifference.of(
-            [a.planning_cpu_s for a, _ in pairs], [b.planning_cpu_s for _, b in pairs]
-        ),
-        path_length_rad=PairedDifference.of([a for a, _ in lengths], [b for _, b in lengths]),
+        cpu_s=_paired([(a.planning_cpu_s, b.planning_cpu_s) for a, b in pairs]),
+        measures={
+            name: _paired([(_measured(a, name), _measured(b, name)) for a, b in pairs])
+            for name in MEASURES
+        },
     )
+
+
+def _measured(record: BenchRecord, name: str) -> float | None:
+    return None if record.measures is None else float(getattr(record.measures, name))
+
+
+def _paired(pairs: Sequence[tuple[float | None, float | None]]) -> PairedDifference:
+    known = [(a, b) for a, b in pairs if a is not None and b is not None]
+    return PairedDifference.of([a for a, _ in known], [b for _, b in known])
 
 
 def by_planner(records: Sequence[BenchRecord]) -> dict[str, list[BenchRecord]]:

@@ -24,7 +24,7 @@ from scenarios.mug_check import check_mugs
 from scenarios.mug_source import MugSource
 from scenarios.pool import WorkerPool
 from scenarios.pose_noise import PoseNoise
-from scenarios.provenance import file_sha256, git_commit, package_versions
+from scenarios.provenance import code_version, file_sha256
 from scenarios.records import Rate, TrialRecord, read_records
 from scenarios.report import print_report, run_title, write_report
 from scenarios.resume import claim_folder
@@ -119,7 +119,7 @@ def run_config(options: MugHangOptions) -> dict[str, Any]:
     config["checkpoint_sha256"] = None
     if options.detector == "split":
         config["checkpoint_sha256"] = file_sha256(options.checkpoint or default_weights())
-    return {**config, "commit": git_commit(), "versions": package_versions()}
+    return {**config, **code_version()}
 
 
 def open_run(folder: Path, config: dict[str, Any]) -> list[TrialRecord]:

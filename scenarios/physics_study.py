@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from scenarios.pool import WorkerPool
-from scenarios.provenance import git_commit, package_versions
+from scenarios.provenance import code_version
 from scenarios.resume import claim_folder, read_json_lines
 from scenarios.study_cells import FACTORS, Cell, Factor, study_cells
 from scenarios.study_report import print_study, study_rows, write_study
@@ -71,7 +71,7 @@ def open_study(options: StudyOptions) -> list[StudyRecord]:
     """
     config: dict[str, Any] = {**asdict(options), "out": str(options.out)}
     config |= {"factors": list(options.factors)}
-    config |= {"commit": git_commit(), "versions": package_versions()}
+    config |= code_version()
     claim_folder(options.out, config, _FREE_KEYS)
     log = options.out / "trials.jsonl"
     records = [StudyRecord(**fields) for fields in read_json_lines(log)]

@@ -1,11 +1,13 @@
 """Run planners on saved problems: `python -m scenarios.planner_bench --planner default rrt gcs`.
 
-Nothing is simulated.  Every plan is checked by `planning.trajectory_check`, which shares no code
-with the planners' own checks; a plan that it refuses does not count as solved.  The output folder
-holds config.json, results.jsonl (a line for each problem and planner as it arises) and
-summary.json.  The same --out goes on where an interrupted run stopped.  The report is of the
-planners and problems asked for, whatever else the folder holds; pairs of planners are compared on
-the problems that all of them have been given.
+Nothing is simulated.  Every plan is checked by `planning.checked_planner`: that it does what its
+problem asks for, and touches nothing but what it declares.  One that is refused does not count as
+solved.  There is no limit of time; a planner keeps its own.
+
+The output folder holds config.json, results.jsonl (a line for each problem and planner as it
+arises) and summary.json.  The same --out goes on where an interrupted run stopped.  The report is
+of the planners and problems asked for, whatever else the folder holds; pairs of planners are
+compared on the problems that all of them have been given.
 """
 
 import os
@@ -30,7 +32,7 @@ from scenarios.bench_records import (
 )
 from scenarios.bench_report import print_bench, write_bench_summary
 from scenarios.pool import WorkerPool
-from scenarios.provenance import file_sha256, git_commit, package_versions
+from scenarios.provenance import code_version, file_sha256
 from scenarios.record_problems import SHIPPED_PROBLEMS
 from scenarios.resume import claim_folder
 from split_drake.files import write_atomically
@@ -44,7 +46,8 @@ class BenchOptions:
         planner: names of planners, run on each problem one after the other.
         problems: file of `scenarios.record_problems`; those that ship with the project by default.
         limit: use only the first so many problems of the file.
-        seed: of every planner on every problem.
+        seed: with the problem's number in the file, of all planners: they draw alike on one
+            problem, and otherwise on the next.
         workers: processes; more than one disturbs the times.
         out: folder of the results; runs/planner_bench/<time> where not given.
     """
@@ -71,8 +74,8 @@ class BenchOptions:
             raise ValueError(f"--workers is {self.workers}; expected at least 1")
 
 
-# What may differ when a bench goes on: it changes no plan.
-_FREE_KEYS = ("planner", "limit", "workers", "out", "problems")
+# What may differ when a bench goes on: it changes no plan, and no time.
+_FREE_KEYS = ("planner", "limit", "out", "problems")
 
 
 def bench_config(options: BenchOptions) -> dict[str, Any]:
@@ -83,21 +86,24 @@ def bench_config(options: BenchOptions) -> dict[str, Any]:
         "planner": list(options.planner),
         "problems_sha256": file_sha256(options.problems),
         "cpus": len(os.sched_getaffinity(0)),
-        "commit": git_commit(),
-        "versions": package_versions(),
+        **code_version(),
     }
 
 
 def missing_tasks(
     options: BenchOptions, names: Sequence[str], records: Sequence[BenchRecord]
 ) -> list[BenchTask]:
-    """Return the named problems that some planner has not been run on yet, with those planners."""
+    """Return a task for each of the file's named problems and planners that has not been run yet.
+
+    Planners take turns at going first.
+    """
     done = {(record.problem, record.planner) for record in records}
     tasks = []
-    for name in names:
-        planners = tuple(p for p in options.planner if (name, p) not in done)
-        if planners:
-            tasks.append(BenchTask(options.problems, name, planners, options.seed))
+    for number, name in enumerate(names):
+        first = number % len(options.planner)
+        for planner in (*options.planner[first:], *options.planner[:first]):
+            if (name, planner) not in done:
+                tasks.append(BenchTask(options.problems, name, planner, (options.seed, number)))
     return tasks
 
 
@@ -108,9 +114,9 @@ def run_missing(
     pool = WorkerPool(run_task, crashed_task, min(workers, len(tasks)))
     with log.open("a") as file:
         for found in track(pool.run(tasks), "planning", total=len(tasks), console=console):
-            file.writelines(record.to_json() + "\n" for record in found)
+            file.write(found.to_json() + "\n")
             file.flush()
-            records.extend(found)
+            records.append(found)
 
 
 def main(options: BenchOptions) -> Path:

@@ -6,8 +6,20 @@ import resource
 import subprocess
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 _PACKAGES = ("drake", "torch", "numpy", "trimesh", "ompl")
+_ROOT = Path(__file__).parents[1]
+_SOURCES = ("split_drake", "planning", "models", "scenarios")
+
+
+def code_version() -> dict[str, Any]:
+    """Return what says which code made a run: its commit, a checksum of it, and versions."""
+    return {
+        "commit": git_commit(),
+        "code_sha256": code_sha256(),
+        "versions": package_versions(),
+    }
 
 
 def package_versions() -> dict[str, str]:
@@ -17,12 +29,21 @@ def package_versions() -> dict[str, str]:
 
 def git_commit() -> str | None:
     """Return the source tree's commit, "-dirty" appended where changed; None without git."""
-    root = Path(__file__).parents[1]
-    if not (root / ".git").exists():
+    if not (_ROOT / ".git").exists():
         return None
     command = ["git", "describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"]
-    run = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    run = subprocess.run(command, cwd=_ROOT, capture_output=True, text=True, check=False)
     return run.stdout.strip() if run.returncode == 0 else None
+
+
+def code_sha256() -> str:
+    """Return a checksum of all modules, with edits and files that git does not know."""
+    digest = hashlib.sha256()
+    for package in _SOURCES:
+        for path in sorted((_ROOT / package).rglob("*.py")):
+            digest.update(f"{path.relative_to(_ROOT)}\0".encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def peak_memory_bytes() -> int:

@@ -1,8 +1,9 @@
 """Record planning problems from trials' starts: `python -m scenarios.record_problems --count 500`.
 
-Each start is drawn and perceived as in a trial of `scenarios.mug_hang` with the same seed; what its
-planner would be asked for is kept, and nothing is planned or executed.  Tasks and detectors take
-turns.  `scenarios.planner_bench` runs planners on the file.
+Each start is drawn and perceived as in a trial of `scenarios.mug_hang` with the same seed; nothing
+is planned or executed.  Of what its planner would be asked first the file keeps the best 128 grasps
+and 32 handle and upright poses, and the cloud thinned to 4 mm.  Tasks and detectors take turns:
+problems of one seed share their scene.  `scenarios.planner_bench` runs planners on the file.
 """
 
 import math
@@ -117,7 +118,7 @@ def specs_of(options: RecordOptions) -> list[TrialSpec]:
 
 
 def record_problem(spec: TrialSpec) -> Recorded:
-    """Return the problem that a trial's planner is asked first."""
+    """Return the problem that a trial's planner is asked first, made compact."""
     name = f"{spec.task}-{spec.detector}-{spec.mugs.where}-{spec.seed}"
     rngs = TrialGenerators.of(spec.seed)
     try:

@@ -89,9 +89,16 @@ def figures(
 def timed_run(options: SpeedOptions, workers: int) -> tuple[list[TrialRecord], float]:
     """Return the records of a whole run, and the wall time it took, s.
 
-    Raises ValueError where the run was interrupted, or its folder holds more trials than asked for.
+    Raises ValueError where the run was interrupted, its folder holds more trials than asked for, or
+    trials of a run that was killed, whose time nobody knows.
     """
     folder = options.out / f"{workers}_workers"
+    before = len(read_records(folder / "trials.jsonl"))
+    if before and _timed_trials(folder) != before:
+        raise ValueError(
+            f"{folder} holds {before} trials, and the time of {_timed_trials(folder)}: the run was "
+            "killed; choose another --out"
+        )
     mug_hang.main(
         mug_hang.MugHangOptions(
             trials=options.trials,
@@ -113,6 +120,12 @@ def timed_run(options: SpeedOptions, workers: int) -> tuple[list[TrialRecord], f
             "as it holds, or another --out"
         )
     return records, float(json.loads((folder / "summary.json").read_text())["wall_s"])
+
+
+def _timed_trials(folder: Path) -> int:
+    """Return how many trials the run's wall time is that of."""
+    path = folder / "summary.json"
+    return int(json.loads(path.read_text())["trials"]) if path.exists() else 0
 
 
 def main(options: SpeedOptions) -> list[Figure]:

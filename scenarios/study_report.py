@@ -16,7 +16,7 @@ from scenarios.study_trials import StudyRecord
 from split_drake.files import write_atomically, write_json
 
 HEADS = {
-    "hold": ("held", "pads deep", "slip", "turn", "times real time"),
+    "hold": ("held", "pads deep", "slip", "turn", "times real time", "failures"),
     "hang": ("hung", "against default", "failures"),
 }
 
@@ -28,7 +28,7 @@ class Row:
     Attributes:
         cell: simulated.
         rate: of trials that ended well.
-        figures: of holds, {name: (median, largest)}.
+        figures: of holds, {name: (median, largest)}; hands that ended empty have none.
         failures: {outcome: count}.
         p_paired: McNemar's exact test against the default's trials with the same seeds; None for
             the default itself.
@@ -42,18 +42,19 @@ class Row:
 
     def texts(self) -> tuple[str, ...]:
         """Return the row's texts under HEADS."""
+        failed = ", ".join(f"{name} {count}" for name, count in self.failures.items())
         if self.cell.kind == "hang":
-            against = "" if self.p_paired is None else f"p = {self.p_paired:.2f}"
-            failed = ", ".join(f"{name} {count}" for name, count in self.failures.items())
+            against = "" if self.p_paired is None else f"p = {self.p_paired:.2g}"
             return str(self.rate), against, failed
         if not self.figures:
-            return str(self.rate), "", "", "", ""
+            return str(self.rate), "", "", "", "", failed
         return (
             str(self.rate),
             _spread(self.figures["penetration_m"], 1e3, "mm"),
             _spread(self.figures["slip_m"], 1e3, "mm"),
             _spread(self.figures["turn_rad"], np.degrees(1.0), "deg"),
             f"{self.figures['real_time_factor'][0]:.1f}",
+            failed,
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -138,5 +139,5 @@ def write_study(folder: Path, rows: Sequence[Row]) -> None:
 
 def _title(kind: str) -> str:
     if kind == "hold":
-        return "A mug held still: median and largest of the trials"
+        return "A mug held still: median and largest, but for hands that ended empty"
     return "Pick and hang with true poses, the same seeds in every row"

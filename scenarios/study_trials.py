@@ -29,7 +29,8 @@ class StudyTrial:
     Attributes:
         cell: whose physics.
         index: of the trial in its cell.
-        seed: of the mug, the grasp, the start; the same in every cell.
+        seed: of the mug, the grasp, and how the mug is dropped; the same in every cell.  Where it
+            comes to lie follows the cell's physics.
         hold_s: how long a mug is held.
         folder: of the study.
     """
@@ -80,7 +81,7 @@ def run_study_trial(trial: StudyTrial) -> StudyRecord:
 
 def crashed_study_trial(trial: StudyTrial) -> StudyRecord:
     """Return the record of a trial whose process died."""
-    return _record(trial, _mug_of(trial), Stage.SIMULATOR_ERROR, "the worker process died")
+    return _record(trial, _mug_of(trial), Stage.ERROR, "the worker process died")
 
 
 def _hang(trial: StudyTrial) -> StudyRecord:
@@ -119,7 +120,7 @@ def _hold(trial: StudyTrial) -> StudyRecord:
             trial.hold_s,
         )
     except RuntimeError as error:  # Drake's contact solver
-        return _record(trial, name, Stage.SIMULATOR_ERROR, str(error))
+        return _record(trial, name, Stage.ERROR, str(error))
     spent_s = time.process_time() - started_s
     figures = {
         "penetration_m": keep.penetration_m,

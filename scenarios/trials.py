@@ -36,7 +36,7 @@ from split_drake.verdicts import Verdict, hang_verdict, reorient_verdict
 
 
 def run_trial(spec: TrialSpec) -> TrialRecord:
-    """Run a trial.  One that throws is recorded as a simulator error, with its traceback."""
+    """Run a trial.  One that throws is recorded as an error, with its traceback."""
     logging.getLogger("drake").setLevel(logging.WARNING)
     mug = spec.load_mug(spec.mug_names()[0])
     try:
@@ -61,7 +61,7 @@ def _failed_trial(spec: TrialSpec, mug: MugShape, reason: str, trace: str | None
         mug=mug.body.name,
         mug_diameter_m=mug.outer_diameter_m,
         mesh_sha256=spec.mugs.mesh_sha256(mug.body.name),
-        outcome=Stage.SIMULATOR_ERROR,
+        outcome=Stage.ERROR,
         reason=reason,
         traceback=trace,
     )

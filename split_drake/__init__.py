@@ -15,10 +15,12 @@ C      camera: x right, y down, z into the scene (OpenCV)
 G      gripper: origin between the pads' centres, z approach, y closing direction
 O      object
 U      upright: origin at the centre of the base, z towards the rim, x towards the handle (mug: O)
-H      handle: origin in the middle of the opening, x away from the body, z towards the rim,
-       y through the opening
+H      handle: origin in the middle of the opening, x away from the body, y through the opening,
+       z towards the rim or towards the base
 K      hook: origin on the peg's axis, y along the peg towards its tip, z the upward perpendicular
 =====  ==========================================================================================
+
+G and G Rot_z(pi) are the same grasp, H and H Rot_x(pi) the same handle: pose sets hold either.
 
 Poses travel between modules as (4, 4) arrays, batches as (N, 4, 4); units are SI.  Importing this
 package loads neither Drake nor PyTorch.

@@ -17,7 +17,13 @@ if TYPE_CHECKING:
 
 
 class PoseTask(StrEnum):
-    """What a pose is for.  The pose's frame: gripper G, handle H or upright U."""
+    """What a pose is for.
+
+    GRASP: X_WG of a gripper that closes on the object.  After a half turn about z_G it is the same.
+    HANDLE: X_WH of the handle's opening, y_H through it.  After a half turn about x_H it is the
+        same, and sets hold both: nothing says whether z_H points to the rim or to the base.
+    UPRIGHT: X_WU of the object, z_U to its rim; where the object is to stand, that becomes z_W.
+    """
 
     GRASP = "grasp"
     HANDLE = "handle"
@@ -31,7 +37,8 @@ class PoseSet:
     Attributes:
         task: what the poses are for.
         X_WPs: (N, 4, 4) poses in the world, N >= 0.
-        scores: (N,) in [0, 1], descending.
+        scores: (N,) in [0, 1], descending.  They rank poses and are no probabilities; true handle
+            and upright poses all have 1.
     """
 
     task: PoseTask
@@ -44,9 +51,14 @@ class PoseSet:
         if scores.shape != (len(poses),):
             raise ValueError(f"scores have shape {scores.shape}; expected ({len(poses)},)")
         if not np.all((scores >= 0.0) & (scores <= 1.0)):
-            raise ValueError(f"scores of {self.task} leave [0, 1]")
+            wrong = scores[~((scores >= 0.0) & (scores <= 1.0))][0]
+            raise ValueError(f"a score of {self.task} is {wrong}; expected [0, 1]")
         if np.any(np.diff(scores) > 0.0):
-            raise ValueError(f"scores of {self.task} do not descend; use PoseSet.ranked")
+            at = int(np.argmax(np.diff(scores) > 0.0))
+            raise ValueError(
+                f"scores of {self.task} do not descend: {scores[at]:.4f} is followed by "
+                f"{scores[at + 1]:.4f}; use PoseSet.ranked"
+            )
         object.__setattr__(self, "task", PoseTask(self.task))
         object.__setattr__(self, "X_WPs", poses)
         object.__setattr__(self, "scores", scores)

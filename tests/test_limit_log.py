@@ -87,7 +87,7 @@ def test_reports_show_what_is_exceeded() -> None:
     fast = replace(WITHIN, velocity_share=1.3, position_margin_rad=0.4)
     record = TrialRecord(0, 0, "cup", 0.08, "success", peaks=fast.rounded())
     slow = replace(record, index=1, peaks=WITHIN.rounded())
-    failed = replace(record, index=2, outcome="simulator error", peaks={})
+    failed = replace(record, index=2, outcome="error", peaks={})
     assert failed.exceeded == ()
     page = index_page([record, slow, failed], "a run")
     assert page.count("velocity 130%") == 1

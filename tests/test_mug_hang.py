@@ -103,7 +103,7 @@ def test_a_trial_that_throws_is_recorded(tmp_path: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr("scenarios.trial_setup.draw_start", explode)
     record = run_trial(spec_of(tmp_path, detector="oracle", record="none"))
-    assert record.outcome == Stage.SIMULATOR_ERROR
+    assert record.outcome == Stage.ERROR
     assert record.reason == "RuntimeError: the solver failed"
     assert "explode" in (record.traceback or "")
 
@@ -133,7 +133,7 @@ def test_a_finished_run_is_not_run_again_but_reported(
     main(options)
     assert read_records(tmp_path / "trials.jsonl") == [done]
     failures = json.loads((tmp_path / "summary.json").read_text())["failures"]
-    assert failures == {Stage.SIMULATOR_ERROR: 1}
+    assert failures == {Stage.ERROR: 1}
 
 
 def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:

@@ -82,7 +82,7 @@ def test_a_study_of_one_trial_a_cell_goes_on_and_reports(tmp_path: Path) -> None
     records = open_study(options)
     assert records[:3] == known
     assert [each.cell for each in records[3:]] == ["hang: mass 0.3 kg", "hang: mass 0.5 kg"]
-    assert all(each.outcome != "simulator error" for each in records)
+    assert all(each.outcome != "error" for each in records)
     rows = json.loads((tmp_path / "study.json").read_text())
     assert [row["trials"] for row in rows] == [1] * 5
     assert "| mass | 0.5 kg | 1/1" in (tmp_path / "study.md").read_text()
@@ -110,7 +110,7 @@ def test_paired_trials_that_agree_tell_nothing() -> None:
 
 def test_a_crash_is_recorded(tmp_path: Path) -> None:
     crashed = crashed_study_trial(StudyTrial(CELLS[0], 2, 42, 1.0, tmp_path))
-    assert (crashed.outcome, crashed.mug, crashed.index) == ("simulator error", "test_002", 2)
+    assert (crashed.outcome, crashed.mug, crashed.index) == ("error", "test_002", 2)
 
 
 @pytest.mark.parametrize("option", [{"trials": 0}, {"seed": -1}, {"hold_s": 0.0}, {"workers": 0}])

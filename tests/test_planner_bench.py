@@ -31,17 +31,26 @@ from scenarios.bench_records import (
     REFUSED,
     BenchRecord,
     BenchTask,
+    crashed_task,
     read_bench_records,
     run_planner,
     run_task,
 )
 from scenarios.bench_report import print_bench
-from scenarios.bench_statistics import PairedDifference, PlannerSummary, compare, compare_all
-from scenarios.planner_bench import BenchOptions, main
+from scenarios.bench_statistics import (
+    MEASURES,
+    PairedDifference,
+    PlannerSummary,
+    compare,
+    compare_all,
+)
+from scenarios.planner_bench import BenchOptions, main, missing_tasks
 from scenarios.records import mcnemar_exact
 from split_drake.layout import Layout
 from split_drake.panda import Q_HOME, panda_positions
 from split_drake.poses import Array, make_pose, rotation_x
+
+SEED = (0, 0)
 
 
 def made_up(problem: int, planner: str, solved: bool, cpu_s: float = 1.0) -> BenchRecord:
@@ -89,6 +98,7 @@ def test_three_problems_from_file_to_table_and_on(tmp_path: Path) -> None:
     summary = json.loads((out / "summary.json").read_text())
     assert summary["planners"]["rrt"]["solved"] == {"successes": 2, "trials": 3}
     assert summary["planners"]["gcs"]["failures"] == {"planning": 1}
+    assert summary["planners"]["gcs"]["groups"]["unnumbered"] == {"successes": 2, "trials": 3}
     assert summary["pairs"][0]["mcnemar_p"] == 1.0
     main(BenchOptions(planner=("rrt",), problems=file, limit=1, out=out))
     limited = json.loads((out / "summary.json").read_text())
@@ -119,30 +129,30 @@ def test_a_plan_that_collides_is_refused_and_a_raise_is_an_error() -> None:
     assert isinstance(plan, Plan)
     jumping = replace(plan.segments[1], trajectory=rest(Q_HOME + 0.2, 0.1))
     broken = replace(plan, segments=(plan.segments[0], jumping, *plan.segments[2:]))
-    refused = run_planner(lambda: Fixed(broken), "fixed", problem, "hang", seed=0)
+    refused = run_planner(lambda: Fixed(broken), "fixed", problem, "hang", SEED)
     assert refused.outcome == REFUSED
     assert "starts" in refused.reason
-    raised = run_planner(lambda: Fixed(RuntimeError("boom")), "fixed", problem, "hang", seed=0)
+    assert refused.measures is None
+    raised = run_planner(lambda: Fixed(RuntimeError("boom")), "fixed", problem, "hang", SEED)
     assert raised.outcome == ERROR
     assert "boom" in raised.reason
 
 
-@pytest.mark.parametrize(
-    ("answer", "reason"),
-    [(resting(Q_HOME), "no segment of the plan holds the object"), (None, "NoneType")],
-)
-def test_a_malformed_plan_is_an_error(answer: Plan | None, reason: str) -> None:
+def test_no_plan_at_all_is_an_error_and_one_that_only_rests_is_refused() -> None:
     problem = mug_problem(Subgoal.HANG, UPRIGHT)
-    record = run_planner(lambda: Fixed(answer), "fixed", problem, "hang", seed=0)
+    record = run_planner(lambda: Fixed(None), "fixed", problem, "hang", SEED)
     assert record.outcome == ERROR
     assert "Traceback" in record.reason
-    assert reason in record.reason
+    assert "NoneType" in record.reason
+    record = run_planner(lambda: Fixed(resting(Q_HOME)), "fixed", problem, "hang", SEED)
+    assert record.outcome == REFUSED
+    assert "has the segments transit" in record.reason
 
 
 def test_counts_of_any_number_type_can_be_written() -> None:
     problem = mug_problem(Subgoal.HANG, UPRIGHT)
     failure = PlanFailure(Stage.PLANNING, "no way", {"samples": np.int64(7)})
-    record = run_planner(lambda: Fixed(failure), "fixed", problem, "hang", seed=0)
+    record = run_planner(lambda: Fixed(failure), "fixed", problem, "hang", SEED)
     assert json.loads(record.to_json())["search"] == {"samples": 7.0}
 
 
@@ -155,9 +165,10 @@ def test_a_planner_that_cannot_be_made_is_an_error(
     file = tmp_path / "problems.npz"
     save_problems(file, {"hang": mug_problem(Subgoal.HANG, UPRIGHT)})
     monkeypatch.setattr(bench_records, "make_planner", fail)
-    (record,) = run_task(BenchTask(file, "hang", ("unmade",), seed=0))
+    record = run_task(BenchTask(file, "hang", "unmade", SEED))
     assert (record.problem, record.planner, record.outcome) == ("hang", "unmade", ERROR)
     assert "no regions for unmade" in record.reason
+    assert record.planning_s is None
 
 
 def test_measures_grow_with_what_they_measure() -> None:
@@ -187,10 +198,17 @@ def test_clearance_is_of_the_surroundings_and_not_of_the_robot_itself() -> None:
     assert high - low == pytest.approx(0.02, abs=1e-4)
 
 
-def test_jerk_of_a_cubic_is_its_third_derivative() -> None:
-    times = np.arange(50) * 0.01
-    qs, vs = (np.outer(f, np.ones(7)) for f in (times**3, 3.0 * times**2))
-    assert rms_jerk([JointTrajectory(times, qs, vs)]) == pytest.approx(6.0)
+def test_jerk_is_counted_where_a_motion_starts_turns_and_stops() -> None:
+    ramp = np.arange(11) * 0.01
+    tent = np.concatenate([ramp, ramp[-2::-1]])  # accelerates at 1 rad/s^2, then brakes
+    vs = np.outer(tent, np.ones(7))
+    motion = JointTrajectory(0.01 * np.arange(21), np.cumsum(0.01 * vs, axis=0), vs)
+    jumps = np.array([1.0, 2.0, 1.0]) / 0.01
+    assert rms_jerk([motion]) == pytest.approx(np.sqrt(np.square(jumps).sum() / 21))
+    twice = JointTrajectory(
+        0.01 * np.arange(41), np.zeros((41, 7)), np.concatenate([vs, vs[1:]], axis=0)
+    )
+    assert rms_jerk([twice]) == pytest.approx(rms_jerk([motion, motion]), rel=0.15)
     assert rms_jerk([rest(Q_HOME, 0.5)]) == 0.0
 
 
@@ -206,6 +224,34 @@ def test_summaries_count_and_take_medians() -> None:
     assert PlannerSummary.of([made_up(0, "a", solved=False)]).medians == {}
 
 
+def test_shares_are_those_of_groups_and_unknown_times_no_times() -> None:
+    names = ("hang-split-test-0", "hang-split-test-1", "hang-oracle-test-0", "odd one")
+    records = [replace(made_up(i, "a", i != 1), problem=name) for i, name in enumerate(names)]
+    records.append(crashed_task(BenchTask(Path(), "odd two", "a", SEED)))
+    summary = PlannerSummary.of(records)
+    assert {group: (r.successes, r.trials) for group, r in summary.groups.items()} == {
+        "hang-split-test": (1, 2),
+        "hang-oracle-test": (1, 1),
+        "unnumbered": (1, 2),
+    }
+    assert (summary.median_s, summary.median_cpu_s) == (2.0, 1.0)
+    assert np.isnan(PlannerSummary.of(records[-1:]).median_s)
+
+
+def test_planners_take_turns_at_going_first() -> None:
+    options = BenchOptions(planner=("rrt", "gcs"), seed=3)
+    done = [made_up(2, "rrt", solved=True)]
+    tasks = missing_tasks(options, ["p0", "p1", "p2"], done)
+    assert [(task.problem, task.planner) for task in tasks] == [
+        ("p0", "rrt"),
+        ("p0", "gcs"),
+        ("p1", "gcs"),
+        ("p1", "rrt"),
+        ("p2", "gcs"),
+    ]
+    assert [task.seed for task in tasks[1:4]] == [(3, 0), (3, 1), (3, 1)]
+
+
 def test_pairs_are_compared_on_shared_problems_alone() -> None:
     ones = [made_up(i, "a", solved=True, cpu_s=1.0 + 0.01 * i) for i in range(10)]
     others = [made_up(i, "b", solved=i > 5, cpu_s=2.0) for i in range(9)]
@@ -215,7 +261,9 @@ def test_pairs_are_compared_on_shared_problems_alone() -> None:
     assert pair.cpu_s.problems == 9
     assert pair.cpu_s.median == pytest.approx(-0.96)
     assert pair.cpu_s.p < 0.01
-    assert pair.path_length_rad.problems == 3
+    assert {name: figure.problems for name, figure in pair.measures.items()} == dict.fromkeys(
+        MEASURES, 3
+    )
 
 
 def test_all_pairs_rest_on_the_problems_that_all_planners_were_given() -> None:

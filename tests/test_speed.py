@@ -60,7 +60,7 @@ def test_only_whole_runs_of_the_same_trials_are_compared(
         folder.mkdir(parents=True)
         lines = [record(index).to_json() + "\n" for index in range(held[options.workers])]
         (folder / "trials.jsonl").write_text("".join(lines))
-        write_json(folder / "summary.json", {"wall_s": 30.0})
+        write_json(folder / "summary.json", {"wall_s": 30.0, "trials": held[options.workers]})
         runs.append(options.workers)
         return folder
 
@@ -70,12 +70,21 @@ def test_only_whole_runs_of_the_same_trials_are_compared(
     assert runs == begun
 
 
+def test_a_run_that_was_killed_is_not_timed(tmp_path: Path) -> None:
+    folder = tmp_path / "1_workers"
+    folder.mkdir()
+    (folder / "trials.jsonl").write_text(record(0).to_json() + "\n" + record(1).to_json() + "\n")
+    write_json(folder / "summary.json", {"wall_s": 9.0, "trials": 1})
+    with pytest.raises(ValueError, match="holds 2 trials, and the time of 1: the run was killed"):
+        main(SpeedOptions(out=tmp_path, trials=3))
+
+
 def test_different_trials_are_not_compared() -> None:
     with pytest.raises(ValueError, match="3 trials by one worker and 2 by two"):
         figures([record(i) for i in range(3)], 30.0, [record(i) for i in range(2)], 15.0)
 
 
 def test_trials_that_never_planned_are_no_measure() -> None:
-    failed = TrialRecord(0, 0, "test_000", 0.07, "simulator error")
+    failed = TrialRecord(0, 0, "test_000", 0.07, "error")
     with pytest.raises(ValueError, match="none of 1 trials came as far as planning"):
         figures([failed], 1.0, [failed], 1.0)
