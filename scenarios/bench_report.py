@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from scenarios.bench_records import BenchRecord
 from scenarios.bench_statistics import (
@@ -66,7 +66,7 @@ def write_bench_summary(
 def _planner_table(summaries: Mapping[str, PlannerSummary]) -> Table:
     """Return a table with a column for each planner."""
     title = "times over all problems, medians of plans over each planner's own"
-    table = Table("", *summaries, title=title)
+    table = _table("", *summaries, title=title)
     columns = [_planner_column(summary) for summary in summaries.values()]
     for heading in dict.fromkeys(heading for column in columns for heading in column):
         table.add_row(heading, *(column.get(heading, "-") for column in columns))
@@ -95,7 +95,7 @@ def _pair_table(pairs: Sequence[Comparison]) -> Table:
         f"pairs on {pairs[0].problems} problems given to all: median differences (p of Wilcoxon's "
         "test), problems taken for independent, p not corrected for the number of pairs"
     )
-    table = Table("first - second", *(f"{pair.one} - {pair.other}" for pair in pairs), title=title)
+    table = _table("first - second", *(f"{p.one} - {p.other}" for p in pairs), title=title)
     table.add_row("solved alone", *(f"{pair.only_one} - {pair.only_other}" for pair in pairs))
     table.add_row("McNemar p", *(f"{pair.mcnemar_p:.2g}" for pair in pairs))
     table.add_row("planning, CPU s", *(_difference(pair.cpu_s, 1.0, 2) for pair in pairs))
@@ -109,4 +109,10 @@ def _pair_table(pairs: Sequence[Comparison]) -> Table:
 def _difference(figure: PairedDifference, factor: float, digits: int) -> str:
     if not figure.problems:
         return "-"
-    return f"{factor * figure.median:+.{digits}f} ({figure.p:.2g})"
+    p = f"{figure.p:.2g}" if figure.p >= 0.001 else "<.001"
+    return f"{factor * figure.median:+.{digits}f} ({p})"
+
+
+def _table(*headings: str, title: str) -> Table:
+    """Return a table that breaks words rather than cutting numbers off."""
+    return Table(*(Column(heading, overflow="fold") for heading in headings), title=title)
