@@ -1,0 +1,34 @@
+"""What a run was made with."""
+
+from pathlib import Path
+
+import pytest
+
+from scenarios import provenance
+from scenarios.provenance import code_version
+from scenarios.resume import claim_folder
+
+
+def test_another_edit_of_the_code_is_another_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, run = tmp_path / "tree", tmp_path / "run"
+    module = root / "planning" / "mine.py"
+    module.parent.mkdir(parents=True)
+    module.write_text("TRIES = 1\n")
+    monkeypatch.setattr(provenance, "_ROOT", root)
+    claim_folder(run, code_version(), ())
+    claim_folder(run, code_version(), ())
+    module.write_text("TRIES = 2\n")
+    with pytest.raises(ValueError, match="holds another run.*code_sha256 was"):
+        claim_folder(run, code_version(), ())
+
+
+def test_code_that_is_no_checkout_has_no_commit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(provenance, "_ROOT", tmp_path)
+    found = code_version()
+    assert found["commit"] is None
+    assert len(found["code_sha256"]) == 64
+    assert {"python", "drake"} <= set(found["versions"])
