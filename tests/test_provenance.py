@@ -20,7 +20,7 @@ def test_another_edit_of_the_code_is_another_run(
     claim_folder(run, code_version(), ())
     claim_folder(run, code_version(), ())
     module.write_text("TRIES = 2\n")
-    with pytest.raises(ValueError, match="holds another run.*code_sha256 was"):
+    with pytest.raises(ValueError, match=r"holds another run.*code_sha256 was"):
         claim_folder(run, code_version(), ())
 
 
