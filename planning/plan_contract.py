@@ -1,7 +1,7 @@
 """Whether a plan does what its problem asks for, whatever it touches on the way.
 
 `planning.trajectory_check` says what a plan collides with; this says whether it begins at the
-robot, takes what was perceived, and brings it to where the subgoal wants it.
+robot, closes on what was perceived, and brings it to where the subgoal wants it.
 """
 
 import re
@@ -9,28 +9,33 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from planning.exemptions import MAX_LOWERING_M, TABLE_LOWERING_M
+from planning.exemptions import MAX_LOWERING_M, MAX_TABLE_DEPTH_M
 from planning.kinematics import gripper_pose
+from planning.perceived import PerceivedObject
 from planning.problem import Plan, PlanningProblem, Segment, SegmentName, Subgoal
 from planning.timing import SAMPLE_S
 from planning.violation import Violation
 from planning.waypoints import HANDLE_FLIP, place_grasp
+from split_drake.gripper import MAX_OPENING_M, PAD_SIZE_M
 from split_drake.layout import Layout
 from split_drake.pose_set import PoseSet, PoseTask
-from split_drake.poses import Array, invert_pose, rotation_error_rad
+from split_drake.poses import Array, invert_pose, rotation_error_rad, transform_points
 
-PICK = (SegmentName.TRANSIT, SegmentName.APPROACH, SegmentName.CLOSE, SegmentName.LIFT)
-_ORDER = re.compile(rf"(?:{';'.join(PICK)};)?transfer;(?:insert;)+open;retreat;(?:transit;)?")
+_PICK = (SegmentName.TRANSIT, SegmentName.APPROACH, SegmentName.CLOSE, SegmentName.LIFT)
+_ORDER = re.compile(rf"(?:{';'.join(_PICK)};)?transfer;(?:insert;)+open;retreat;(transit;)?")
 _HELD = (SegmentName.LIFT, SegmentName.TRANSFER, SegmentName.INSERT)
 # Poses that a plan states are those that its joint angles give, to this precision.
 AGREE_M, AGREE_RAD = 0.001, np.radians(0.5)
 # What is placed is what was detected: a pose of the set, a mean of several, one moved a little.
 DETECTED_M, DETECTED_RAD = 0.02, np.radians(20.0)
-# A grasp may be where no camera sees the object, but not further from what they see.
-NEAR_M = 0.10
-# How far from the peg's axis, and from the table, the frame of a placed object may end.
-ON_PEG_M, ON_PEG_RAD = MAX_LOWERING_M + 0.01, np.radians(10.0)
-ON_TABLE_M, ON_TABLE_RAD = TABLE_LOWERING_M + 0.03, np.radians(5.0)
+# Points of the object lie between the pads, or at most so far beside them.
+BESIDE_PADS_M = 0.005
+# Where the frame of a hung object may end, seen from K: across the peg, above and below it, short
+# of its tip, and how far turned.
+ACROSS_PEG_M, ABOVE_PEG_M, BELOW_PEG_M = 0.01, 0.01, MAX_LOWERING_M + 0.01
+SHORT_OF_TIP_M, ON_PEG_RAD = 0.01, np.radians(10.0)
+# How high the lowest seen point of an upright object may end, and how far its axis may tilt.
+LOWEST_M, ON_TABLE_RAD = (-MAX_TABLE_DEPTH_M - 0.004, 0.05), np.radians(5.0)
 
 
 def contract_violations(plan: Plan, problem: PlanningProblem) -> list[Violation]:
@@ -38,29 +43,55 @@ def contract_violations(plan: Plan, problem: PlanningProblem) -> list[Violation]
 
     Segments that are not those of `Plan` are all that is reported of a plan that has others.
     """
-    malformed = list(_of_segments(plan, problem))
+    malformed = list(_of_order(plan, problem))
     if malformed:
         return [Violation(None, "plan", what) for what in malformed]
-    found = [Violation(None, "plan", what) for what in (*_of_poses(plan), *_of_ends(plan, problem))]
-    samples = ((i, s, _of_samples(s)) for i, s in enumerate(plan.segments))
-    return found + [Violation(i, s.name, what) for i, s, what in samples if what]
+    whats = (*_of_poses(plan), *_of_ends(plan, problem))
+    found = [Violation(None, "plan", what) for what in whats]
+    for number, segment in enumerate(plan.segments):
+        found += [Violation(number, segment.name, what) for what in _of_segment(segment)]
+    lowering = max(i for i, s in enumerate(plan.segments) if s.name is SegmentName.INSERT)
+    if not plan.segments[lowering].stop_on_contact:
+        found.append(Violation(lowering, SegmentName.INSERT, "is the last and stops at no contact"))
+    return found
 
 
-def _of_segments(plan: Plan, problem: PlanningProblem) -> Iterator[str]:
+def _of_order(plan: Plan, problem: PlanningProblem) -> Iterator[str]:
     """Yield what is wrong with the plan's subgoal and with which segments it has."""
     if plan.subgoal is not problem.subgoal:
         yield f"is to {plan.subgoal}, where the problem is to {problem.subgoal}"
     names = [segment.name for segment in plan.segments]
-    if not _ORDER.fullmatch("".join(f"{name};" for name in names)):
+    order = _ORDER.fullmatch("".join(f"{name};" for name in names))
+    if not order or (plan.subgoal is Subgoal.REORIENT and not order.group(1)):
         yield f"has the segments {', '.join(names)}; see Plan for those expected"
         return
     held = problem.held_width_m is not None
     if held != (names[0] is SegmentName.TRANSFER):
         where = "in the hand" if held else "on the table"
         yield f"begins with {names[0]}, where the object is {where}"
-    wrong = [s.name for s in plan.segments if s.holding != (s.name in _HELD)]
-    if wrong:
-        yield f"holds the object from {_HELD[0]} to {_HELD[-1]}, but not so in {', '.join(wrong)}"
+
+
+def _of_segment(segment: Segment) -> Iterator[str]:
+    """Yield how a segment is not what its name says, or not sampled as it will be executed."""
+    qs, times_s = segment.trajectory.qs, segment.trajectory.times_s
+    if segment.name in (SegmentName.CLOSE, SegmentName.OPEN) and np.ptp(qs, axis=0).max() > 1e-6:
+        yield f"moves the arm by {np.ptp(qs, axis=0).max():.4f} rad; expected rest"
+    carries = segment.name in _HELD
+    if segment.holding != carries:
+        yield f"has holding = {segment.holding}"
+    width_m, end_m = segment.held_width_m, segment.opening_end_m
+    grips = carries or segment.name is SegmentName.CLOSE
+    if grips and not (end_m < width_m and segment.force_n > 0.0):
+        yield (
+            f"ends with an opening of {end_m:.3f} m and {segment.force_n:g} N around what is "
+            f"{width_m:.3f} m wide; expected a squeeze"
+        )
+    if segment.name is SegmentName.OPEN and end_m <= width_m:
+        yield f"opens to {end_m:.3f} m around what is {width_m:.3f} m wide"
+    steps_s = np.diff(times_s)
+    worst_s = float(steps_s[np.argmax(np.abs(steps_s - SAMPLE_S))])
+    if abs(worst_s - SAMPLE_S) > 1e-6:
+        yield f"has samples {1e3 * worst_s:g} ms apart; expected {1e3 * SAMPLE_S:g} ms"
 
 
 def _of_poses(plan: Plan) -> Iterator[str]:
@@ -91,25 +122,15 @@ def _of_ends(plan: Plan, problem: PlanningProblem) -> Iterator[str]:
     jump = float(np.abs(plan.segments[0].trajectory.qs[0] - problem.q_start).max())
     if jump > AGREE_RAD:
         yield f"starts {jump:.4f} rad from q_start"
-    near_m = float(np.linalg.norm(problem.p_WPs - plan.X_WGrasp[:3, 3], axis=1).min())
-    if near_m > NEAR_M:
-        yield f"closes {near_m:.3f} m from the nearest point of the object"
+    if plan.pick and not _between_pads(plan.X_WGrasp, problem):
+        yield "closes where no point of the object is between the pads"
     hangs = problem.subgoal is Subgoal.HANG
     poses = problem.pose_sets[PoseTask.HANDLE if hangs else PoseTask.UPRIGHT]
     if not _detected(plan.X_WObject, poses):
         yield f"places an X_WObject that no {poses.task} pose of the problem is like"
-    off = _off_peg(plan.X_WGoal, problem.layout) if hangs else _off_table(plan.X_WGoal)
+    off = _off_peg(plan.X_WGoal, problem.layout) if hangs else _off_table(plan, problem.p_WPs)
     if off:
         yield f"brings the object to {off}"
-
-
-def _of_samples(segment: Segment) -> str:
-    """Return that a segment is not sampled as it will be executed, or an empty string."""
-    steps_s = np.diff(segment.trajectory.times_s)
-    worst = float(steps_s[np.argmax(np.abs(steps_s - SAMPLE_S))])
-    if abs(worst - SAMPLE_S) <= 1e-6:
-        return ""
-    return f"has samples {1e3 * worst:g} ms apart; expected {1e3 * SAMPLE_S:g} ms"
 
 
 def _last(plan: Plan, name: SegmentName) -> Segment:
@@ -125,24 +146,38 @@ def _detected(X_WO: Array, poses: PoseSet) -> bool:
     return bool(np.any((distances < DETECTED_M) & (angles < DETECTED_RAD)))
 
 
+def _between_pads(X_WG: Array, problem: PlanningProblem) -> bool:
+    """Return whether the object, completed where its upright pose is known, is between the pads."""
+    uprights = problem.pose_sets.get(PoseTask.UPRIGHT)
+    X_WU = uprights.X_WPs[0] if uprights is not None and len(uprights) else None
+    surface = PerceivedObject.from_cloud(problem.p_WPs, X_WU).p_WSurface
+    half_x_m, half_z_m = (0.5 * size_m + BESIDE_PADS_M for size_m in PAD_SIZE_M)
+    p_GPs = np.abs(transform_points(invert_pose(X_WG), surface))
+    return bool(np.any(np.all(p_GPs < (half_x_m, 0.5 * MAX_OPENING_M, half_z_m), axis=1)))
+
+
 def _off_peg(X_WH: Array, layout: Layout) -> str:
     """Return where a handle (4, 4) ends that is not around the peg, or an empty string."""
     X_KH = invert_pose(layout.X_WK) @ X_WH
-    aside_m = float(np.hypot(X_KH[0, 3], X_KH[2, 3]))
+    x_m, y_m, z_m = (float(value) for value in X_KH[:3, 3])
     angle_rad = float(np.arccos(min(1.0, abs(X_KH[1, 1]))))
-    beside = abs(X_KH[1, 3]) > layout.hook.tip_distance_m
-    if aside_m <= ON_PEG_M and angle_rad <= ON_PEG_RAD and not beside:
+    root_m = -(layout.hook.post_distance_m - layout.hook.post_radius_m)
+    on_peg = root_m < y_m < layout.hook.tip_distance_m - SHORT_OF_TIP_M
+    around = abs(x_m) <= ACROSS_PEG_M and -BELOW_PEG_M <= z_m <= ABOVE_PEG_M
+    if on_peg and around and angle_rad <= ON_PEG_RAD:
         return ""
-    along = f"{1e3 * X_KH[1, 3]:.0f} mm along the peg"
-    return f"{along}, {_named(aside_m, angle_rad)} off its axis"
+    p_KH = ", ".join(str(round(1e3 * value)) for value in (x_m, y_m, z_m))
+    return f"p_KH = ({p_KH}) mm, {np.degrees(angle_rad):.1f} deg off the peg's axis"
 
 
-def _off_table(X_WU: Array) -> str:
-    """Return how an object (4, 4) ends that does not stand on the table, or an empty string."""
-    tilt_rad = float(np.arccos(np.clip(X_WU[2, 2], -1.0, 1.0)))
-    if tilt_rad <= ON_TABLE_RAD and abs(X_WU[2, 3]) <= ON_TABLE_M:
+def _off_table(plan: Plan, p_WPs: Array) -> str:
+    """Return how an object of points (N, 3) ends that does not stand, or an empty string."""
+    tilt_rad = float(np.arccos(np.clip(plan.X_WGoal[2, 2], -1.0, 1.0)))
+    p_OPs = transform_points(invert_pose(plan.X_WObject), p_WPs)
+    lowest_m = float(transform_points(plan.X_WGoal, p_OPs)[:, 2].min())
+    if tilt_rad <= ON_TABLE_RAD and LOWEST_M[0] <= lowest_m <= LOWEST_M[1]:
         return ""
-    return f"{1e3 * X_WU[2, 3]:.0f} mm above the table, tilted by {np.degrees(tilt_rad):.0f} deg"
+    return f"{1e3 * lowest_m:.0f} mm above the table, tilted by {np.degrees(tilt_rad):.0f} deg"
 
 
 def _apart(X_WA: Array, X_WB: Array) -> tuple[float, float]:

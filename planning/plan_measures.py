@@ -34,7 +34,7 @@ class PlanMeasures:
         duration_s: of all segments, where nothing stops them.
         path_length_rad: sum over all segments of the Euclidean length in joint space.
         rms_jerk_rad_s3: root of the mean, over time and joints, of the squared jerk of the segments
-            that move, from rest to rest; second differences of the sampled velocities.
+            that move, from rest to rest; third differences of the sampled angles.
         clearance_m: least distance, during transits and transfers, of the robot and what it holds
             to table and hook, and of the robot to the object, that is to the points given of it.
             Often that of a segment's end.  `FARTHEST_M` where it is more.
@@ -110,13 +110,15 @@ def rms_jerk(trajectories: list[JointTrajectory]) -> float:
 
     They are sampled every `SAMPLE_S`.
     """
-    squares = [np.square(_jerks(t.vs)).ravel() for t in trajectories if np.any(t.vs)]
+    moving = (t.qs for t in trajectories if np.ptp(t.qs, axis=0).max() > 0.0)
+    squares = [np.square(_jerks(qs)).ravel() for qs in moving]
     return float(np.sqrt(np.concatenate(squares).mean())) if squares else 0.0
 
 
-def _jerks(vs: Array) -> Array:
-    """Return (T, 7) jerks in rad/s^3 of velocities (T, 7), with rest before and after them."""
-    return np.diff(np.pad(vs, ((1, 1), (0, 0))), n=2, axis=0) / SAMPLE_S**2
+def _jerks(qs: Array) -> Array:
+    """Return (T + 1, 7) jerks in rad/s^3 of angles (T, 7), with rest before and after them."""
+    resting = np.pad(qs, ((2, 2), (0, 0)), mode="edge")
+    return np.diff(resting, n=3, axis=0) / SAMPLE_S**3
 
 
 def _length_rad(qs: Array) -> float:

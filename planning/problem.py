@@ -58,8 +58,9 @@ class AllowedContact(StrEnum):
 class JointTrajectory:
     """Arm positions over time, from rest to rest.
 
-    One sample is executed every 10 ms (`planning.timing.SAMPLE_S`), whatever `times_s` says:
-    `planning.timing.time_path` samples a path so, and the check of plans refuses any other.
+    One sample is executed every 10 ms (`planning.timing.SAMPLE_S`), whatever `times_s` says, and
+    the arm moves on from it at its velocity.  `planning.timing.time_path` samples a path so, and
+    the check of plans refuses any other.
 
     Attributes:
         times_s: (T,) ascending from 0.
@@ -140,7 +141,8 @@ class Plan:
     All are there, in this order, but for the last TRANSIT of HANG, and for the first four where the
     object is in the hand already.  Recovery drives LIFT and APPROACH back to put an object down;
     `planning.faults` has the forces that each may feel, and takes an opening that changes by more
-    than 2 mm in TRANSFER and INSERT for a slip.  `planning.plan_contract` checks all this.
+    than 2 mm in TRANSFER and INSERT for a slip.  `planning.plan_contract` checks segments, poses,
+    start and goal.
 
     Attributes:
         subgoal: what it is for.

@@ -40,10 +40,12 @@ STEP_RAD = 0.005
 TOUCH_M = 0.003
 # Segments join, and limits hold, to this precision (rad, rad/s).
 TOLERANCE = 1e-6
-# Velocities are those at which the angles change between samples, but for this much (rad/s).  A
-# joint that turns from full acceleration to full braking between two of them is 0.04 off; at sharp
-# corners, where timing overshoots the limits for less than a sample, 0.11 occurs.
-VELOCITY_TOLERANCE = 0.25
+# Velocities are those at which the angles change between samples, but for this much (rad/s), as
+# the root of the mean square over a segment.
+VELOCITY_TOLERANCE = 0.02
+# Sharp corners of a path overshoot the limits of acceleration for less than a sample; none does so
+# by more than this factor.
+CORNER_FACTOR = 4.0
 # FINGERS_TARGET is declared for this stretch at most before the grasp and after the release.
 FINGER_STRETCH_M = 0.08 + 1e-4
 # What is next to the held object by construction.
@@ -238,21 +240,27 @@ def _kinematic_violations(plan: Plan) -> Iterator[Violation]:
 def _beyond_limits(trajectory: JointTrajectory) -> Iterator[str]:
     """Yield which limits a trajectory leaves, and where it contradicts itself.
 
-    What is executed are the angles, one sample every `SAMPLE_S`, whatever `vs` says.
+    One sample is executed every `SAMPLE_S`, whatever the times say; until the next, the command
+    moves on from `qs` at `vs`.
     """
     limits = arm_limits()
     qs, vs = trajectory.qs, trajectory.vs
+    moved = np.diff(qs, axis=0) / SAMPLE_S
+    changed = np.diff(np.pad(moved, ((1, 1), (0, 0))), axis=0) / SAMPLE_S
     beyond = np.maximum(limits.q_lower - qs, qs - limits.q_upper).max(axis=0)
     joint = int(np.argmax(beyond))
     if beyond[joint] > TOLERANCE:
         yield f"leaves the range of joint {joint + 1} by {beyond[joint]:.4f} rad"
-    moved = np.diff(qs, axis=0) / SAMPLE_S
-    for speeds in (np.abs(vs).max(axis=0), np.abs(moved).max(axis=0)):
-        joint = int(np.argmax(speeds / limits.v_max))
-        if speeds[joint] > limits.v_max[joint] * (1.0 + 1e-3):
-            limit = limits.v_max[joint]
-            yield f"moves joint {joint + 1} at {speeds[joint]:.2f} rad/s; it can {limit:.2f}"
-    wrong = np.abs(moved - (vs[1:] + vs[:-1]) / 2.0).max()
+    for rates, most, unit in (
+        (vs, limits.v_max, "rad/s"),
+        (moved, limits.v_max, "rad/s"),
+        (changed, CORNER_FACTOR * limits.a_max, "rad/s^2"),
+    ):
+        fastest = np.abs(rates).max(axis=0)
+        joint = int(np.argmax(fastest / most))
+        if fastest[joint] > most[joint] * (1.0 + 1e-3):
+            yield f"moves joint {joint + 1} at {fastest[joint]:.2f} {unit}; at most {most[joint]:g}"
+    wrong = float(np.sqrt(np.square(moved - (vs[1:] + vs[:-1]) / 2.0).mean()))
     if wrong > VELOCITY_TOLERANCE:
         yield f"has velocities that are {wrong:.3f} rad/s off those at which its angles change"
     if np.abs(vs[[0, -1]]).max() > TOLERANCE:

@@ -16,3 +16,7 @@ class Violation:
     segment: int | None
     name: str
     what: str
+
+    def __str__(self) -> str:
+        number = "" if self.segment is None else f" ({self.segment})"
+        return f"{self.name}{number}: {self.what}"

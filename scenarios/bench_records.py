@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from functools import cache, lru_cache, partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -26,6 +26,8 @@ SOLVED = "solved"
 # or the measuring raise.
 REFUSED = "refused by the checker"
 ERROR = "error"
+
+_PLANNERS: dict[str, Planner] = {}
 
 
 @dataclass(frozen=True)
@@ -91,9 +93,9 @@ class BenchTask:
 def run_task(task: BenchTask) -> BenchRecord:
     """Plan, and record what became of it."""
     logging.getLogger("drake").setLevel(logging.WARNING)
-    problems = _problems(task.file)
-    make = partial(_warm_planner, task.planner, task.file)
-    return run_planner(make, task.planner, problems[task.problem], task.problem, task.seed)
+    problem = _problems(task.file)[task.problem]
+    make = partial(_warm_planner, task.planner, problem)
+    return run_planner(make, task.planner, problem, task.problem, task.seed)
 
 
 def crashed_task(task: BenchTask) -> BenchRecord:
@@ -136,7 +138,7 @@ def _judged(
     checker, meter = _judges(layout_to_json(problem.layout))
     violations = checker.violations(outcome, problem)
     if violations:
-        return REFUSED, f"{violations[0].name}: {violations[0].what}", None
+        return REFUSED, str(violations[0]), None
     return SOLVED, "", meter.measure(outcome, check_points(problem))
 
 
@@ -145,16 +147,18 @@ def _problems(file: Path) -> dict[str, PlanningProblem]:
     return load_problems(file)
 
 
-@cache
-def _warm_planner(name: str, file: Path) -> Planner:
+def _warm_planner(name: str, problem: PlanningProblem) -> Planner:
     """Return this process's planner of that name.
 
-    It has planned the file's first problem: what is built at the first plan is no part of any time.
+    A new one plans the problem once before: what is built at the first plan is no part of any time,
+    and a crash then is this problem's.
     """
-    planner = make_planner(name)
-    with suppress(Exception):  # it will raise again where that is recorded
-        planner.plan(next(iter(_problems(file).values())), np.random.default_rng(0))
-    return planner
+    if name not in _PLANNERS:
+        planner = make_planner(name)
+        with suppress(Exception):  # it will raise again where that is recorded
+            planner.plan(problem, np.random.default_rng(0))
+        _PLANNERS[name] = planner
+    return _PLANNERS[name]
 
 
 @lru_cache(maxsize=1)

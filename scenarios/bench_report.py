@@ -10,6 +10,7 @@ from rich.table import Column, Table
 
 from scenarios.bench_records import BenchRecord
 from scenarios.bench_statistics import (
+    MEASURES,
     Comparison,
     PairedDifference,
     PlannerSummary,
@@ -18,13 +19,13 @@ from scenarios.bench_statistics import (
 )
 from split_drake.files import write_json
 
-# Measure, heading, factor to its unit, digits.
-_MEASURES = (
-    ("path_length_rad", "path length, rad", 1.0, 2),
-    ("duration_s", "motion, s", 1.0, 1),
-    ("rms_jerk_rad_s3", "rms jerk, rad/s^3", 1.0, 1),
-    ("clearance_m", "clearance, mm", 1e3, 1),
-)
+# Measure: heading, factor to its unit, digits.
+_MEASURES = {
+    "duration_s": ("motion, s", 1.0, 1),
+    "path_length_rad": ("path length, rad", 1.0, 2),
+    "rms_jerk_rad_s3": ("rms jerk, rad/s^3", 1.0, 1),
+    "clearance_m": ("clearance, mm", 1e3, 1),
+}
 
 
 def print_bench(console: Console, records: Sequence[BenchRecord], planners: Sequence[str]) -> None:
@@ -65,7 +66,7 @@ def write_bench_summary(
 
 def _planner_table(summaries: Mapping[str, PlannerSummary]) -> Table:
     """Return a table with a column for each planner."""
-    title = "times over all problems, medians of plans over each planner's own"
+    title = "times over problems that did not crash, medians of plans over each planner's own"
     table = _table("", *summaries, title=title)
     columns = [_planner_column(summary) for summary in summaries.values()]
     for heading in dict.fromkeys(heading for column in columns for heading in column):
@@ -79,14 +80,19 @@ def _planner_column(summary: PlannerSummary) -> dict[str, str]:
         "problems": str(summary.solved.trials),
         "solved": f"{summary.solved.value:.1%}",
         **{f"  {group}": str(rate) for group, rate in summary.groups.items()},
-        "planning, median s": f"{summary.median_s:.2f}",
-        "planning, p95 s": f"{summary.p95_s:.2f}",
-        "planning, median CPU s": f"{summary.median_cpu_s:.2f}",
+        "timed": str(summary.timed),
+        "planning, median s": _number(summary.median_s, 1.0, 2),
+        "planning, p95 s": _number(summary.p95_s, 1.0, 2),
+        "planning, median CPU s": _number(summary.median_cpu_s, 1.0, 2),
     }
-    for key, heading, factor, digits in _MEASURES:
-        known = key in summary.medians
-        cells[heading] = f"{factor * summary.medians[key]:.{digits}f}" if known else "-"
+    for key in MEASURES:
+        heading, factor, digits = _MEASURES[key]
+        cells[heading] = _number(summary.medians.get(key), factor, digits)
     return cells
+
+
+def _number(value: float | None, factor: float, digits: int) -> str:
+    return "-" if value is None else f"{factor * value:.{digits}f}"
 
 
 def _pair_table(pairs: Sequence[Comparison]) -> Table:
@@ -99,9 +105,9 @@ def _pair_table(pairs: Sequence[Comparison]) -> Table:
     table.add_row("solved alone", *(f"{pair.only_one} - {pair.only_other}" for pair in pairs))
     table.add_row("McNemar p", *(f"{pair.mcnemar_p:.2g}" for pair in pairs))
     table.add_row("planning, CPU s", *(_difference(pair.cpu_s, 1.0, 2) for pair in pairs))
-    both = (str(pair.measures[_MEASURES[0][0]].problems) for pair in pairs)
-    table.add_row("both solved", *both)
-    for key, heading, factor, digits in _MEASURES:
+    table.add_row("both solved", *(str(pair.both) for pair in pairs))
+    for key in MEASURES:
+        heading, factor, digits = _MEASURES[key]
         table.add_row(heading, *(_difference(p.measures[key], factor, digits) for p in pairs))
     return table
 

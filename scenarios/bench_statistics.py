@@ -2,17 +2,18 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import combinations
 
 import numpy as np
 from scipy.stats import wilcoxon
 
+from planning.plan_measures import PlanMeasures
 from scenarios.bench_records import BenchRecord
 from scenarios.records import Rate, mcnemar_exact
 
 # Of the plans, what planners are compared by.
-MEASURES = ("path_length_rad", "duration_s", "rms_jerk_rad_s3", "clearance_m")
+MEASURES = tuple(field.name for field in fields(PlanMeasures))
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,9 @@ class PlannerSummary:
         solved: problems with a plan that the independent checker accepts.
         groups: {group: the same of its problems}, a group being those whose names differ only in
             the number after the last hyphen.  Within a group no two problems share a scene, as
-            those of several groups may: these intervals hold.
-        median_s, p95_s: wall time of planning over all problems, solved or not; NaN for none.
+            those of several groups may: the interval is a group's own, for the mugs in it.
+        timed: problems whose planning time is known, solved or not: all but those that crashed.
+        median_s, p95_s: wall time of planning over these; None where there are none.
         median_cpu_s: processor time.
         medians: {measure: median over the solved problems}; empty where none is solved.
         failures: {outcome: count}, most frequent first.
@@ -32,30 +34,36 @@ class PlannerSummary:
 
     solved: Rate
     groups: Mapping[str, Rate]
-    median_s: float
-    p95_s: float
-    median_cpu_s: float
+    timed: int
+    median_s: float | None
+    p95_s: float | None
+    median_cpu_s: float | None
     medians: Mapping[str, float]
     failures: Mapping[str, int]
 
     @classmethod
     def of(cls, records: Sequence[BenchRecord]) -> "PlannerSummary":
         """Return the figures of one planner's records, of which there is at least one."""
-        times = [r.planning_s for r in records if r.planning_s is not None] or [np.nan]
-        cpu = [r.planning_cpu_s for r in records if r.planning_cpu_s is not None] or [np.nan]
+        times = [r.planning_s for r in records if r.planning_s is not None]
+        cpu = [r.planning_cpu_s for r in records if r.planning_cpu_s is not None]
         plans = [record.measures for record in records if record.measures is not None]
         failures = Counter(record.outcome for record in records if not record.solved)
         return cls(
             solved=_solved(records),
             groups=_by_group(records),
-            median_s=float(np.median(times)),
-            p95_s=float(np.percentile(times, 95.0)),
-            median_cpu_s=float(np.median(cpu)),
+            timed=len(times),
+            median_s=_percentile(times, 50.0),
+            p95_s=_percentile(times, 95.0),
+            median_cpu_s=_percentile(cpu, 50.0),
             medians={name: float(np.median([getattr(p, name) for p in plans])) for name in MEASURES}
             if plans
             else {},
             failures=dict(failures.most_common()),
         )
+
+
+def _percentile(values: Sequence[float], percent: float) -> float | None:
+    return float(np.percentile(values, percent)) if values else None
 
 
 def _solved(records: Sequence[BenchRecord]) -> Rate:
@@ -102,7 +110,7 @@ class Comparison:
     Attributes:
         one, other: their names.
         problems: how many both were given.
-        only_one, only_other: problems that only one of them solved.
+        both, only_one, only_other: problems that both, or only one of them, solved.
         mcnemar_p: of McNemar's exact test that both solve the same share.
         cpu_s: difference of processor times, on all shared problems whose times are known.
         measures: {measure: difference}, on problems that both solved.
@@ -111,6 +119,7 @@ class Comparison:
     one: str
     other: str
     problems: int
+    both: int
     only_one: int
     only_other: int
     mcnemar_p: float
@@ -141,6 +150,7 @@ def compare(records: Sequence[BenchRecord], one: str, other: str) -> Comparison:
         one=one,
         other=other,
         problems=len(pairs),
+        both=sum(a.solved and b.solved for a, b in pairs),
         only_one=only_one,
         only_other=only_other,
         mcnemar_p=mcnemar_exact(only_one, only_other),

@@ -51,7 +51,7 @@ class MugHangOptions:
             noise on every pose of the oracle, drawn by the trial's seed.
         feedback: look at what was lifted and place it as it lies in the hand, and try again what
             failed; else plans are executed as they are.
-        check_plans: check every plan that is executed independently, see planning.trajectory_check;
+        check_plans: check every plan that is executed independently, see planning.checked_planner;
             counts as planning time.
         workers: processes; outcomes do not depend on them.
         record: which trials keep a recording and the pose sets they perceived.

@@ -43,7 +43,7 @@ class BenchOptions:
     """Options of a bench.
 
     Attributes:
-        planner: names of planners, run on each problem one after the other.
+        planner: names of planners; on each problem another one goes first.
         problems: file of `scenarios.record_problems`; those that ship with the project by default.
         limit: use only the first so many problems of the file.
         seed: with the problem's number in the file, of all planners: they draw alike on one

@@ -11,6 +11,7 @@ from typing import Any
 _PACKAGES = ("drake", "torch", "numpy", "trimesh", "ompl")
 _ROOT = Path(__file__).parents[1]
 _SOURCES = ("split_drake", "planning", "models", "scenarios")
+_SUFFIXES = (".py", ".urdf", ".json", ".npz")
 
 
 def code_version() -> dict[str, Any]:
@@ -37,11 +38,15 @@ def git_commit() -> str | None:
 
 
 def code_sha256() -> str:
-    """Return a checksum of all modules, with edits and files that git does not know."""
+    """Return a checksum of modules, robot, mugs and regions, edited or unknown to git as they are.
+
+    Weights and problems are named beside it by the runs that they matter to.
+    """
     digest = hashlib.sha256()
-    for package in _SOURCES:
-        for path in sorted((_ROOT / package).rglob("*.py")):
-            digest.update(f"{path.relative_to(_ROOT)}\0".encode())
+    for path in sorted(path for package in _SOURCES for path in (_ROOT / package).rglob("*")):
+        name = path.relative_to(_ROOT)
+        if path.suffix in _SUFFIXES and "problems" not in name.parts:
+            digest.update(f"{name}\0".encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()
 

@@ -143,7 +143,7 @@ class _Trial:
     def _violations(self) -> tuple[str, ...] | None:
         if self._checked is None:
             return None
-        return tuple(f"{each.name}: {each.what}" for each in self._checked.violations)
+        return tuple(str(each) for each in self._checked.violations)
 
     def _perceive(
         self, tasks: Sequence[PoseTask], again: bool

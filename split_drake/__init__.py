@@ -20,7 +20,7 @@ H      handle: origin in the middle of the opening, x away from the body, y thro
 K      hook: origin on the peg's axis, y along the peg towards its tip, z the upward perpendicular
 =====  ==========================================================================================
 
-G and G Rot_z(pi) are the same grasp, H and H Rot_x(pi) the same handle: pose sets hold either.
+G and G Rot_z(pi) are the same grasp, H and H Rot_x(pi) the same handle; pose sets hold both.
 
 Poses travel between modules as (4, 4) arrays, batches as (N, 4, 4); units are SI.  Importing this
 package loads neither Drake nor PyTorch.

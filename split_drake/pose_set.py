@@ -21,7 +21,7 @@ class PoseTask(StrEnum):
 
     GRASP: X_WG of a gripper that closes on the object.  After a half turn about z_G it is the same.
     HANDLE: X_WH of the handle's opening, y_H through it.  After a half turn about x_H it is the
-        same, and sets hold both: nothing says whether z_H points to the rim or to the base.
+        same: nothing says whether z_H points to the rim or to the base.
     UPRIGHT: X_WU of the object, z_U to its rim; where the object is to stand, that becomes z_W.
     """
 

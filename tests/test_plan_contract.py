@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers_planning import LYING, UPRIGHT, mug_problem
 
+from planning.kinematics import gripper_pose
 from planning.plan_contract import contract_violations
 from planning.planner import make_planner
 from planning.problem import JointTrajectory, Plan, PlanningProblem, Segment, SegmentName, Subgoal
@@ -14,9 +15,11 @@ from planning.timing import SAMPLE_S, rest
 from planning.trajectory_check import TrajectoryChecker
 from planning.waypoints import HANDLE_FLIP, place_grasp, shifted
 from split_drake.layout import Layout
-from split_drake.poses import make_pose, rotation_x
+from split_drake.poses import invert_pose, make_pose, rotation_x, transform_points
 
 Spoil = Callable[[Plan], Plan]
+ASIDE = make_pose(p=(0.0, 0.05, 0.0))
+LAST = np.eye(7)[6]
 
 
 def solved(subgoal: Subgoal, X_WO: np.ndarray) -> tuple[Plan, PlanningProblem]:
@@ -53,6 +56,21 @@ def goal_moved(plan: Plan, X_Moved: np.ndarray) -> Plan:
     return replace(plan, X_WGoal=X_WGoal, X_WGplace=X_WGplace)
 
 
+def at_goal(plan: Plan, p_KH_mm: tuple[float, float, float]) -> Plan:
+    """Return the plan with its handle brought to another place, given in K and mm."""
+    X_KH = invert_pose(Layout().X_WK) @ plan.X_WGoal
+    X_KH[:3, 3] = 1e-3 * np.array(p_KH_mm)
+    return goal_moved(plan, invert_pose(plan.X_WGoal) @ Layout().X_WK @ X_KH)
+
+
+def turning(plan: Plan, number: int) -> Plan:
+    """Return the plan with a segment at rest in which the last joint turns by 0.3 rad."""
+    segment = plan.segments[number]
+    qs = segment.trajectory.qs + np.outer(np.linspace(0.0, 0.3, len(segment.trajectory.qs)), LAST)
+    moved = JointTrajectory(segment.trajectory.times_s, qs, segment.trajectory.vs)
+    return with_segment(plan, number, replace(segment, trajectory=moved))
+
+
 def whats(plan: Plan, problem: PlanningProblem) -> str:
     return "; ".join(violation.what for violation in contract_violations(plan, problem))
 
@@ -64,18 +82,26 @@ def test_plans_of_the_default_planner_do_what_they_are_for(
     assert contract_violations(*reorient) == []
 
 
-def test_a_plan_for_an_object_in_the_hand_begins_with_the_transfer(
-    hang: tuple[Plan, PlanningProblem],
-) -> None:
+def test_an_object_in_the_hand_is_placed_from_there(hang: tuple[Plan, PlanningProblem]) -> None:
     plan, problem = hang
-    close = plan.segments[2].trajectory
-    held = replace(problem, q_start=plan.place[0].trajectory.qs[0], held_width_m=0.02)
-    placing = replace(plan, segments=plan.place)
+    lift = plan.pick[-1]
+    q_lifted = lift.trajectory.qs[-1]
+    X_WMoved = gripper_pose(q_lifted) @ invert_pose(plan.X_WGrasp)
+    held = replace(
+        problem,
+        pose_sets={task: poses.moved(X_WMoved) for task, poses in problem.pose_sets.items()},
+        p_WPs=transform_points(X_WMoved, problem.p_WPs),
+        q_start=q_lifted,
+        held_width_m=lift.held_width_m,
+    )
+    placing = make_planner("default").plan(held, np.random.default_rng(0))
+    assert isinstance(placing, Plan)
+    assert contract_violations(placing, held) == []
     assert "begins with transit, where the object is in the hand" in whats(plan, held)
     assert "begins with transfer, where the object is on the table" in whats(placing, problem)
-    # Lifted by the plan before, it lies elsewhere than where it was perceived.
-    assert "X_WGrasp that is" in whats(placing, held)
-    assert close.duration_s > 0.0
+    # The first plan's place, of an object that lies elsewhere in the hand by now.
+    turned = replace(held, pose_sets={t: s.moved(ASIDE) for t, s in held.pose_sets.items()})
+    assert "no handle pose of the problem is like" in whats(placing, turned)
 
 
 @pytest.mark.parametrize(
@@ -89,17 +115,35 @@ def test_a_plan_for_an_object_in_the_hand_begins_with_the_transfer(
         (lambda p: replace(p, segments=p.segments[:5]), "see Plan for those expected"),
         (
             lambda p: with_segment(p, 4, replace(p.segments[4], holding=False)),
-            "holds the object from lift to insert, but not so in transfer",
+            "has holding = False",
         ),
+        (
+            lambda p: with_segment(p, 2, replace(p.segments[2], opening_end_m=0.08)),
+            "ends with an opening of 0.080 m",
+        ),
+        (lambda p: with_segment(p, 4, replace(p.segments[4], force_n=0.0)), "and 0 N around"),
+        (
+            lambda p: with_segment(p, 7, replace(p.segments[7], opening_end_m=0.0)),
+            "opens to 0.000 m around",
+        ),
+        (
+            lambda p: with_segment(p, 6, replace(p.segments[6], stop_on_contact=False)),
+            "is the last and stops at no contact",
+        ),
+        (lambda p: turning(p, 2), "moves the arm by 0.3000 rad; expected rest"),
         (lambda p: replace(p, X_WGrasp=shifted(p.X_WGrasp, (0.0, 0.002, 0.0))), "an X_WGrasp that"),
         (lambda p: replace(p, X_WGoal=shifted(p.X_WGoal, (0.0, 0.0, 0.002))), "an X_WGoal that"),
         (
             lambda p: replace(p, X_WObject=shifted(p.X_WObject, (0.03, 0.0, 0.0))),
             "no handle pose of the problem is like",
         ),
-        (lambda p: goal_moved(p, make_pose(p=(0.0, 0.05, 0.0))), "mm along the peg, 14.8 mm and"),
-        (lambda p: goal_moved(p, make_pose(p=(0.04, 0.0, 0.0))), "mm and 0.0 deg off its axis"),
-        (lambda p: goal_moved(p, make_pose(rotation_x(0.3))), "17.2 deg off its axis"),
+        (lambda p: at_goal(p, (0.0, 45.0, 0.0)), "p_KH = (0, 45, 0) mm"),
+        (lambda p: at_goal(p, (0.0, 32.0, 0.0)), "p_KH = (0, 32, 0) mm"),
+        (lambda p: at_goal(p, (0.0, -75.0, 0.0)), "p_KH = (0, -75, 0) mm"),
+        (lambda p: at_goal(p, (15.0, 0.0, 0.0)), "p_KH = (15, 0, 0) mm"),
+        (lambda p: at_goal(p, (0.0, 0.0, 15.0)), "p_KH = (0, 0, 15) mm"),
+        (lambda p: at_goal(p, (0.0, 0.0, -30.0)), "p_KH = (0, 0, -30) mm"),
+        (lambda p: goal_moved(p, make_pose(rotation_x(0.3))), "17.2 deg off the peg's axis"),
         (lambda p: at_other_times(p, 0, 0.05), "has samples 50 ms apart; expected 10 ms"),
     ],
 )
@@ -124,19 +168,27 @@ def test_a_goal_that_does_not_stand_is_none(reorient: tuple[Plan, PlanningProble
     assert "mm above the table, tilted by 0 deg" in whats(floating, problem)
 
 
+def test_the_arm_leaves_what_it_stood_upright_and_may_stay_beside_what_it_hung(
+    hang: tuple[Plan, PlanningProblem], reorient: tuple[Plan, PlanningProblem]
+) -> None:
+    for (plan, problem), expected in ((hang, False), (reorient, True)):
+        segments = tuple(s for i, s in enumerate(plan.segments) if i < 9)
+        assert segments[-1].name is SegmentName.RETREAT
+        found = whats(replace(plan, segments=segments), problem)
+        assert ("see Plan for those expected" in found) == expected
+
+
 def test_a_plan_begins_where_the_robot_is_and_closes_on_the_object(
     hang: tuple[Plan, PlanningProblem],
 ) -> None:
     plan, problem = hang
     elsewhere = replace(problem, q_start=problem.q_start + 0.1)
     assert "starts 0.1000 rad from q_start" in whats(plan, elsewhere)
-    gone = replace(problem, p_WPs=problem.p_WPs + np.array([0.0, 0.5, 0.0]))
-    assert "m from the nearest point of the object" in whats(plan, gone)
+    gone = replace(problem, p_WPs=problem.p_WPs + np.array([0.0, 0.0, 0.2]))
+    assert "no point of the object is between the pads" in whats(plan, gone)
 
 
-def test_what_is_executed_are_the_angles_and_not_the_velocities(
-    hang: tuple[Plan, PlanningProblem],
-) -> None:
+def test_motions_that_no_arm_makes_are_named(hang: tuple[Plan, PlanningProblem]) -> None:
     plan, problem = hang
     qs = plan.segments[0].trajectory.qs[[0, -1]]
     dash = JointTrajectory(np.array([0.0, SAMPLE_S]), qs, np.zeros((2, 7)))
@@ -144,7 +196,8 @@ def test_what_is_executed_are_the_angles_and_not_the_velocities(
         with_segment(plan, 0, replace(plan.segments[0], trajectory=dash)), problem.p_WPs[::40]
     )
     whats = "; ".join(violation.what for violation in found if violation.segment == 0)
-    assert "rad/s; it can" in whats
+    assert "rad/s; at most" in whats
+    assert "rad/s^2; at most" in whats
     assert "rad/s off those at which its angles change" in whats
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from scenarios import provenance
-from scenarios.provenance import code_version
+from scenarios.provenance import code_sha256, code_version
 from scenarios.resume import claim_folder
 
 
@@ -22,6 +22,19 @@ def test_another_edit_of_the_code_is_another_run(
     module.write_text("TRIES = 2\n")
     with pytest.raises(ValueError, match=r"holds another run.*code_sha256 was"):
         claim_folder(run, code_version(), ())
+
+
+def test_regions_are_part_of_the_code_and_problems_are_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(provenance, "_ROOT", tmp_path)
+    found = [code_sha256()]
+    for name in ("problems", "regions"):
+        path = tmp_path / "models" / name / "some.npz"
+        path.parent.mkdir(parents=True)
+        path.write_bytes(b"other")
+        found.append(code_sha256())
+    assert found[0] == found[1] != found[2]
 
 
 def test_code_that_is_no_checkout_has_no_commit(
