@@ -96,23 +96,16 @@ def _of_segment(segment: Segment) -> Iterator[str]:
 
 def _of_poses(plan: Plan) -> Iterator[str]:
     """Yield which of the plan's poses are not those that its joint angles give."""
-    first = plan.place[0] if not plan.pick else _last(plan, SegmentName.CLOSE)
-    given = (
-        ("X_WGrasp", plan.X_WGrasp, gripper_pose(first.trajectory.qs[0])),
-        (
-            "X_WGplace",
-            plan.X_WGplace,
-            gripper_pose(_last(plan, SegmentName.OPEN).trajectory.qs[0]),
-        ),
-        (
-            "X_WGoal",
-            plan.X_WGoal,
-            # What moves with the hand from the grasp to the release.
-            place_grasp(plan.X_WGplace, plan.X_WGrasp, plan.X_WObject),
-        ),
-    )
-    for name, stated, is_at in given:
-        distance_m, angle_rad = _apart(stated, is_at)
+    q_taken = _first(plan, SegmentName.CLOSE if plan.pick else SegmentName.TRANSFER)
+    q_released = _first(plan, SegmentName.OPEN)
+    # The object moves with the hand from the grasp to the release.
+    X_WCarried = place_grasp(plan.X_WGplace, plan.X_WGrasp, plan.X_WObject)
+    for name, X_WStated, X_WFound in (
+        ("X_WGrasp", plan.X_WGrasp, gripper_pose(q_taken)),
+        ("X_WGplace", plan.X_WGplace, gripper_pose(q_released)),
+        ("X_WGoal", plan.X_WGoal, X_WCarried),
+    ):
+        distance_m, angle_rad = _apart(X_WStated, X_WFound)
         if distance_m > AGREE_M or angle_rad > AGREE_RAD:
             yield f"states an {name} that is {_named(distance_m, angle_rad)} from where it comes to"
 
@@ -133,14 +126,16 @@ def _of_ends(plan: Plan, problem: PlanningProblem) -> Iterator[str]:
         yield f"brings the object to {off}"
 
 
-def _last(plan: Plan, name: SegmentName) -> Segment:
-    return next(segment for segment in reversed(plan.segments) if segment.name is name)
+def _first(plan: Plan, name: SegmentName) -> Array:
+    """Return the joint angles (7,) at which the segment of that name begins."""
+    return next(s.trajectory.qs[0] for s in plan.segments if s.name is name)
 
 
 def _detected(X_WO: Array, poses: PoseSet) -> bool:
     """Return whether the set has a pose like X_WO (4, 4); both poses of a handle are the same."""
-    alike = [poses.X_WPs, *([poses.X_WPs @ HANDLE_FLIP] * (poses.task is PoseTask.HANDLE))]
-    X_WPs = np.concatenate(alike)
+    X_WPs = poses.X_WPs
+    if poses.task is PoseTask.HANDLE:
+        X_WPs = np.concatenate([X_WPs, X_WPs @ HANDLE_FLIP])
     distances = np.linalg.norm(X_WPs[:, :3, 3] - X_WO[:3, 3], axis=1)
     angles = rotation_error_rad(X_WPs[:, :3, :3], X_WO[:3, :3])
     return bool(np.any((distances < DETECTED_M) & (angles < DETECTED_RAD)))
