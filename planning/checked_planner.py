@@ -18,7 +18,8 @@ CHECK_VOXEL_M = 0.012
 class PlanChecker:
     """Says what is wrong with plans for a layout.
 
-    Shares with what makes them kinematics in the plan's ends, and which contacts may be declared.
+    Shares with what makes them which contacts may be declared and, for the plan's ends alone, the
+    kinematics and the completed cloud.
 
     Attributes:
         layout: of the static station.
