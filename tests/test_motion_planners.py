@@ -69,7 +69,9 @@ def test_a_gcs_path_through_the_object_is_refused() -> None:
     path = gcs().path(*ends)
     assert isinstance(path, np.ndarray)
     assert world().path_free(path, Situation(0.08))
-    in_the_way = Situation(0.08, p_WStanding=gripper_pose(path[len(path) // 2])[None, :3, 3])
+    p_GPalm = np.array([[0.0, 0.0, -0.08]])
+    half_way = transform_points(gripper_pose(path[len(path) // 2]), p_GPalm)
+    in_the_way = Situation(0.08, p_WStanding=half_way)
     refused = gcs()(world(), *ends, in_the_way, np.random.default_rng(0))
     assert refused == NoMotion("the GCS path collides")
 
