@@ -83,7 +83,7 @@ def print_report(console: Console, records: Sequence[TrialRecord], title: str) -
         ),
         ("worst of all trials", worst_peaks(records)),
         (
-            f"violations in the plans of {sum(r.violations is not None for r in records)} trials",
+            f"violations in plans ({sum(r.violations is not None for r in records)} trials checked)",
             {record.index: "; ".join(record.violations) for record in records if record.violations},
         ),
         ("median seconds", {k: f"{v:.2f}" for k, v in median_seconds(records).items()}),
