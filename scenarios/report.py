@@ -74,6 +74,7 @@ def print_report(console: Console, records: Sequence[TrialRecord], title: str) -
     for name, rate in rates_by_width(records).items():
         rates.add_row(name, str(rate))
     console.print(rates)
+    checked = sum(record.violations is not None for record in records)
     for name, figures in (
         ("failures by stage", failures_by_stage(records)),
         ("starts drawn again", total_redraws(records)),
@@ -83,7 +84,7 @@ def print_report(console: Console, records: Sequence[TrialRecord], title: str) -
         ),
         ("worst of all trials", worst_peaks(records)),
         (
-            f"violations in plans ({sum(r.violations is not None for r in records)} trials checked)",
+            f"violations in plans ({checked} trials checked)",
             {record.index: "; ".join(record.violations) for record in records if record.violations},
         ),
         ("median seconds", {k: f"{v:.2f}" for k, v in median_seconds(records).items()}),
