@@ -22,7 +22,7 @@ class Planner(Protocol):
 
 
 # Modules that register planners; imported when a planner is first asked for.
-_MODULES = ("planning.pick_place", "planning.rrt_planner", "planning.gcs_planner")
+_MODULES = ("planning.pick_place.search", "planning.planners.rrt", "planning.planners.gcs")
 _FACTORIES: dict[str, Callable[[], Planner]] = {}
 
 

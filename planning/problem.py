@@ -6,9 +6,12 @@ from enum import StrEnum
 
 import numpy as np
 
-from split_drake.layout import Layout
-from split_drake.pose_set import PoseSet, PoseTask
+from split_drake.pose_set import PoseSet
+from split_drake.pose_task import PoseTask
 from split_drake.poses import Array
+from split_drake.station.layout import Layout
+
+SAMPLE_S = 0.01
 
 
 class Subgoal(StrEnum):
@@ -44,9 +47,9 @@ class AllowedContact(StrEnum):
     FINGERS_TARGET: fingers against the object, in the last 8 cm of the approach, while the hand
         closes and opens, and in the first 8 cm of the retreat, of each where several are driven.
     HELD_PEG: the held object against the peg, for points of the object within the tube around the
-        peg's axis that its opening leaves; `planning.exemptions` says which.
-    HELD_TABLE: the held object against the table, no deeper than `planning.exemptions` says, just
-        above where it is lifted from, and where it is let down by feel.
+        peg's axis that its opening leaves; `planning.collision.exemptions` says which.
+    HELD_TABLE: the held object against the table, no deeper than `planning.collision.exemptions`
+        says, just above where it is lifted from, and where it is let down by feel.
     """
 
     FINGERS_TARGET = "fingers_target"
@@ -58,9 +61,9 @@ class AllowedContact(StrEnum):
 class JointTrajectory:
     """Arm positions over time, from rest to rest.
 
-    One sample is executed every 10 ms (`planning.timing.SAMPLE_S`), whatever `times_s` says, and
-    the arm moves on from it at its velocity.  `planning.timing.time_path` samples a path so, and
-    the check of plans refuses any other.
+    One sample is executed every 10 ms (`SAMPLE_S`), whatever `times_s` says, and the arm moves on
+    from it at its velocity.  `planning.motion.timing.time_path` samples a path so, and the check of
+    plans refuses any other.
 
     Attributes:
         times_s: (T,) ascending from 0.
@@ -134,15 +137,15 @@ class Plan:
     TRANSFER  to before the goal                                                       yes
     INSERT    once or more: to the goal, and down by feel (`stop_on_contact`)          yes
     OPEN      at rest                                                                  no
-    RETREAT   straight back, slowly (`planning.timing.WARY`)                           no
+    RETREAT   straight back, slowly (`planning.motion.timing.WARY`)                           no
     TRANSIT   away from the object; after REORIENT out of the cameras' sight (Q_HOME)  no
     ========  =======================================================================  =======
 
     All are there, in this order, but for the last TRANSIT of HANG, and for the first four where the
     object is in the hand already.  Recovery drives LIFT and APPROACH back to put an object down;
-    `planning.faults` has the forces that each may feel, and takes an opening that changes by more
-    than 2 mm in TRANSFER and INSERT for a slip.  `planning.plan_contract` checks segments, poses,
-    start and goal.
+    `planning.execution.faults` has the forces that each may feel, and takes an opening that changes
+    by more than 2 mm in TRANSFER and INSERT for a slip.  `planning.checking.plan_contract` checks
+    segments, poses, start and goal.
 
     Attributes:
         subgoal: what it is for.
@@ -221,7 +224,8 @@ class PlanningProblem:
         held_width_m: measured distance between the pads that hold the object already, its pose sets
             and cloud being those of the object in the hand at `q_start`; None where it lies.
         X_WGfailed: (F, 4, 4) grasps (releases, where the object is held) that failed before and
-            shall not be tried again, nor any like them: `planning.candidates.away_from` says which.
+            shall not be tried again, nor any like them: `planning.geometry.modes.away_from` says
+            which.
     """
 
     subgoal: Subgoal

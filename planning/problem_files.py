@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from planning.layout_json import layout_from_json, layout_to_json
-from planning.perceived import DETAIL_VOXEL_M, voxel_centroids
+from models import MODELS_FOLDER
+from planning.geometry.perceived import DETAIL_VOXEL_M, voxel_centroids
 from planning.problem import PlanningProblem, Subgoal
 from split_drake.files import replacing
-from split_drake.pose_set import PoseSet, PoseTask
+from split_drake.pose_set import PoseSet
+from split_drake.pose_task import PoseTask
 from split_drake.poses import Array, make_pose
+from split_drake.station.layout_file import layout_from_json, layout_to_json
 
 FORMAT = 1
 LENGTH_STEP_M = 1e-4
@@ -28,6 +30,7 @@ SCORE_STEP = 1.0 / np.iinfo(np.uint16).max
 _MISSING = -1
 
 Arrays = dict[str, NDArray]
+SHIPPED_PROBLEMS = MODELS_FOLDER / "problems" / "mugs.npz"
 
 
 def compact(problem: PlanningProblem, max_poses: Mapping[PoseTask, int]) -> PlanningProblem:

@@ -14,17 +14,16 @@ import tyro
 from rich.console import Console
 from rich.progress import track
 
-from planning.plan_measures import FREE_SEGMENTS
+from planning.collision.world import CollisionWorld, Situation
+from planning.motion.regions import SHIPPED_REGIONS, grow_regions, save_regions
 from planning.planner import make_planner
 from planning.problem import Plan, PlanningProblem
-from planning.problem_files import load_problems
-from planning.regions import SHIPPED_REGIONS, grow_regions, save_regions
-from planning.world import CollisionWorld, Situation, same_fixtures
-from scenarios.record_problems import SHIPPED_PROBLEMS
-from split_drake.gripper import MAX_OPENING_M
-from split_drake.layout import Layout
-from split_drake.panda import Q_HOME
+from planning.problem_files import SHIPPED_PROBLEMS, load_problems
+from scenarios.bench.plan_measures import FREE_SEGMENTS
 from split_drake.poses import Array
+from split_drake.robot.gripper import MAX_OPENING_M
+from split_drake.robot.panda import Q_HOME
+from split_drake.station.layout import Layout, same_fixtures
 
 
 @dataclass(frozen=True)

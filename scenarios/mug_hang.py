@@ -20,17 +20,18 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from planning.planner import planner_names
-from scenarios.mug_check import check_mugs
-from scenarios.mug_source import MugSource
-from scenarios.pool import WorkerPool
-from scenarios.pose_noise import PoseNoise
-from scenarios.provenance import code_version, file_sha256
-from scenarios.records import Rate, TrialRecord, read_records
-from scenarios.report import print_report, run_title, write_report
-from scenarios.resume import claim_folder
-from scenarios.trial_spec import TrialSpec
-from scenarios.trials import crashed_trial, run_trial
+from scenarios.trials.mug_check import check_mugs
+from scenarios.trials.pose_noise import PoseNoise
+from scenarios.trials.records import TrialRecord, read_records
+from scenarios.trials.report import print_report, run_title, write_report
+from scenarios.trials.spec import TrialSpec
+from scenarios.trials.trial import crashed_trial, run_trial
+from split_drake.experiments.pool import WorkerPool
+from split_drake.experiments.provenance import code_version, file_sha256
+from split_drake.experiments.run import claim_folder
+from split_drake.experiments.statistics import Rate
 from split_drake.files import write_atomically
+from split_drake.objects.mug_source import MugSource
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,8 @@ class MugHangOptions:
             noise on every pose of the oracle, drawn by the trial's seed.
         feedback: look at what was lifted and place it as it lies in the hand, and try again what
             failed; else plans are executed as they are.
-        check_plans: check every plan that is executed independently, see planning.checked_planner;
-            counts as planning time.
+        check_plans: check every plan that is executed independently, see
+            planning.checking.checked_planner; counts as planning time.
         workers: processes; outcomes do not depend on them.
         record: which trials keep a recording and the pose sets they perceived.
         out: folder of the results; runs/mug_hang/<time> where not given.

@@ -17,17 +17,12 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from scenarios.pool import WorkerPool
-from scenarios.provenance import code_version
-from scenarios.resume import claim_folder, read_json_lines
-from scenarios.study_cells import FACTORS, Cell, Factor, study_cells
-from scenarios.study_report import print_study, study_rows, write_study
-from scenarios.study_trials import (
-    StudyRecord,
-    StudyTrial,
-    crashed_study_trial,
-    run_study_trial,
-)
+from scenarios.study.cells import FACTORS, Cell, Factor, study_cells
+from scenarios.study.report import print_study, study_rows, write_study
+from scenarios.study.trials import StudyRecord, StudyTrial, crashed_study_trial, run_study_trial
+from split_drake.experiments.pool import WorkerPool
+from split_drake.experiments.provenance import code_version
+from split_drake.experiments.run import claim_folder, read_json_lines
 from split_drake.files import write_atomically
 
 _FREE_KEYS = ("out", "trials", "factors", "workers")

@@ -1,8 +1,8 @@
 """Run planners on saved problems: `python -m scenarios.planner_bench --planner default rrt gcs`.
 
-Nothing is simulated.  Every plan is checked by `planning.checked_planner`: that it does what its
-problem asks for, and touches nothing but what it declares.  One that is refused does not count as
-solved.  There is no limit of time; a planner keeps its own.
+Nothing is simulated.  Every plan is checked by `planning.checking.checked_planner`: that it does
+what its problem asks for, and touches nothing but what it declares.  One that is refused does not
+count as solved.  There is no limit of time; a planner keeps its own.
 
 The output folder holds config.json, results.jsonl (a line for each problem and planner as it
 arises) and summary.json.  The same --out goes on where an interrupted run stopped.  The report is
@@ -22,19 +22,18 @@ from rich.console import Console
 from rich.progress import track
 
 from planning.planner import planner_names
-from planning.problem_files import load_problems
-from scenarios.bench_records import (
+from planning.problem_files import SHIPPED_PROBLEMS, load_problems
+from scenarios.bench.records import (
     BenchRecord,
     BenchTask,
     crashed_task,
     read_bench_records,
     run_task,
 )
-from scenarios.bench_report import print_bench, write_bench_summary
-from scenarios.pool import WorkerPool
-from scenarios.provenance import code_version, file_sha256
-from scenarios.record_problems import SHIPPED_PROBLEMS
-from scenarios.resume import claim_folder
+from scenarios.bench.report import print_bench, write_bench_summary
+from split_drake.experiments.pool import WorkerPool
+from split_drake.experiments.provenance import code_version, file_sha256
+from split_drake.experiments.run import claim_folder
 from split_drake.files import write_atomically
 
 

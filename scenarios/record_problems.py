@@ -21,16 +21,15 @@ from rich.progress import track
 
 from planning.problem import PlanningProblem, Subgoal
 from planning.problem_files import compact, save_problems
-from scenarios.mug_source import MugSource
-from scenarios.pool import WorkerPool
-from scenarios.trial_setup import TrialGenerators, make_detector, set_up
-from scenarios.trial_spec import TrialSpec
-from split_drake.panda import MODELS_FOLDER
-from split_drake.pose_set import PoseTask
+from scenarios.trials.detectors import make_detector
+from scenarios.trials.setup import TrialGenerators, set_up
+from scenarios.trials.spec import TrialSpec
+from split_drake.experiments.pool import WorkerPool
+from split_drake.objects.mug_source import MugSource
+from split_drake.pose_task import PoseTask
 from split_drake.scene import EmptySceneError, Scene
-from split_drake.starts import NoStartError
+from split_drake.truth.starts import NoStartError
 
-SHIPPED_PROBLEMS = MODELS_FOLDER / "problems" / "mugs.npz"
 # Poses kept of each pose set, best first.
 MAX_POSES = {PoseTask.GRASP: 128, PoseTask.HANDLE: 32, PoseTask.UPRIGHT: 32}
 

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 from scenarios import mug_hang
-from scenarios.records import TrialRecord, read_records
+from scenarios.trials.records import TrialRecord, read_records
 
 GIB = 2.0**30
 

@@ -13,9 +13,10 @@ import meshcat.geometry as geometry
 import numpy as np
 import tyro
 
-from scenarios.pose_drawing import ColoredSegments, score_bands
+from scenarios.viewing.pose_drawing import ColoredSegments, score_bands
 from split_drake.files import write_atomically
-from split_drake.pose_set import PoseSet, PoseTask, load_pose_sets
+from split_drake.pose_set import PoseSet, load_pose_sets
+from split_drake.pose_task import PoseTask
 from split_drake.poses import Array, make_pose
 
 _CLOUD_COLOR = (0.25, 0.35, 0.5)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, Self
 
@@ -10,24 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from split_drake.files import replacing
+from split_drake.pose_task import PoseTask
 from split_drake.poses import Array, check_poses
 
 if TYPE_CHECKING:
     from split_drake.scene import Scene
-
-
-class PoseTask(StrEnum):
-    """What a pose is for.
-
-    GRASP: X_WG of a gripper that closes on the object.  After a half turn about z_G it is the same.
-    HANDLE: X_WH of the handle's opening, y_H through it.  After a half turn about x_H it is the
-        same: nothing says whether z_H points to the rim or to the base.
-    UPRIGHT: X_WU of the object, z_U to its rim; where the object is to stand, that becomes z_W.
-    """
-
-    GRASP = "grasp"
-    HANDLE = "handle"
-    UPRIGHT = "upright"
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ redraws            ()               int32    scenes drawn again for want of true
 13 kB a scene, and no more when compressed: the points fill their cells at random.
 """
 
-import hashlib
 import json
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -33,6 +32,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from split_drake.experiments.provenance import file_sha256
 from split_drake.files import replacing
 from split_drake.poses import Array
 from split_drake.scene import Workspace
@@ -75,18 +75,6 @@ def decode_points(cells: NDArray[np.uint16], workspace: Workspace) -> NDArray[np
     cell_m = np.float32(workspace.edge_m / CELLS)
     first = workspace.p_WV.astype(np.float32) + cell_m / 2
     return np.asarray(cells * cell_m + first, dtype=np.float32)
-
-
-def file_sha256(path: Path) -> str:
-    """Return the hexadecimal SHA-256 of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def combined_sha256(shard_hashes: dict[str, str]) -> str:
-    """Return the hash of a dataset, given that of each shard."""
-    text = json.dumps(shard_hashes, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 @dataclass(frozen=True)

@@ -32,25 +32,18 @@ import numpy as np
 import tyro
 from rich.progress import track
 
-from split_drake.data.dataset import (
-    FORMAT_VERSION,
-    MANIFEST,
-    DatasetError,
-    combined_sha256,
-    file_sha256,
-    read_shard,
-    write_shard,
-)
+from split_drake.data.dataset import FORMAT_VERSION, MANIFEST, DatasetError, read_shard, write_shard
 from split_drake.data.grasp_candidates import GraspCandidates, GraspState
-from split_drake.data.grasp_store import load_checked_grasps, store_path
 from split_drake.data.handle_points import VISIBLE_HANDLE_POINTS
 from split_drake.data.mug_scenes import MugScenes
-from split_drake.data.mugs import Split, load_mug, mug_names, mugs_sha256
 from split_drake.data.randomization import DomainRandomization
 from split_drake.data.rests import load_rests, rests_path
 from split_drake.data.scene_generator import SceneGenerator
+from split_drake.experiments.provenance import combined_sha256, file_sha256
 from split_drake.files import write_json
-from split_drake.layout import Layout
+from split_drake.grasps.store import load_checked_grasps, store_path
+from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
+from split_drake.station.layout import Layout
 
 # Raise it when code changes what scenes or labels come out of the same files and settings.
 LABEL_VERSION = 2

@@ -8,12 +8,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from split_drake.data.grasp_judge import GraspJudge, hand_corners, reachable
-from split_drake.data.grasp_store import CheckedGrasps
-from split_drake.data.grasps import false_grasps
 from split_drake.data.mug_scenes import MugScene
-from split_drake.data.visibility import GraspVisibility
-from split_drake.objects import MugShape
+from split_drake.grasps.judge import GraspJudge, hand_corners, reachable
+from split_drake.grasps.sampling import false_grasps
+from split_drake.grasps.store import CheckedGrasps
+from split_drake.grasps.visibility import GraspVisibility
+from split_drake.objects.mug_shape import MugShape
 from split_drake.poses import Array, make_pose
 
 FALSE_GRASPS = 200

@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 from scipy.ndimage import maximum_filter1d
 
-from split_drake.data.render import RayCaster
+from split_drake.objects.ray_caster import RayCaster
 from split_drake.poses import Array, invert_pose, transform_points
 
 # The handle counts as visible from so many of a scene's 2000 points on.

@@ -11,10 +11,10 @@ from split_drake.data.placements import Placements
 from split_drake.data.randomization import DomainRandomization
 from split_drake.data.render import DepthRenderer
 from split_drake.data.rests import Rests
-from split_drake.layout import CameraPlacement, Layout
-from split_drake.objects import MugShape
+from split_drake.objects.mug_shape import MugShape
 from split_drake.poses import Array
 from split_drake.scene import Scene, Workspace
+from split_drake.station.layout import CameraPlacement, Layout
 
 
 @dataclass(frozen=True)

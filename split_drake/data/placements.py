@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from split_drake.data.rests import Rests
-from split_drake.objects import RigidObject
+from split_drake.objects.rigid import RigidObject
 from split_drake.poses import Array, make_pose, rotation_x, rotation_y, rotation_z, transform_points
 from split_drake.scene import Workspace
-from split_drake.starts import SPREAD_M, outside_workspace
+from split_drake.truth.starts import SPREAD_M, outside_workspace
 
 MAX_DRAWS = 200
 

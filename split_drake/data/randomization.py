@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from split_drake.data.placements import PlacementConfig
 from split_drake.data.render import RayImage
-from split_drake.layout import CameraPlacement
 from split_drake.poses import Array, make_pose
+from split_drake.station.layout import CameraPlacement
 
 
 @dataclass(frozen=True)

@@ -17,14 +17,14 @@ import tyro
 from rich.progress import track
 from scipy.spatial.transform import Rotation
 
-from split_drake.data.mugs import Split, load_mug, mug_names, mugs_sha256
 from split_drake.files import replacing
-from split_drake.objects import RigidObject
-from split_drake.oracle import Truth
+from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
+from split_drake.objects.rigid import RigidObject
 from split_drake.poses import Array
-from split_drake.starts import SETTLE_TIMEOUT_S, UPSIDE_DOWN_RAD, drop_pose
-from split_drake.station import Station
-from split_drake.verdicts import axis_tilt_rad, wait_for_rest
+from split_drake.station.station import Station
+from split_drake.truth.rest import axis_tilt_rad, wait_for_rest
+from split_drake.truth.starts import SETTLE_TIMEOUT_S, UPSIDE_DOWN_RAD, drop_pose
+from split_drake.truth.state import Truth
 
 # A drop off the table, or one that never ends, is drawn anew, but not for ever.
 MAX_DRAWS_PER_REST = 20

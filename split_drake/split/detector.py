@@ -10,18 +10,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from split_drake.pose_set import PoseSet, PoseTask
+from split_drake.pose_set import PoseSet
+from split_drake.pose_task import PoseTask
 from split_drake.poses import Array
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
-from split_drake.split.diffusion import (
-    Integrator,
-    LangevinConfig,
-    StepCallback,
-    annealed_langevin,
-)
 from split_drake.split.inference import ScenePredictor
 from split_drake.split.network import SplitNetwork
+from split_drake.split.sampling import Integrator, LangevinConfig, StepCallback, annealed_langevin
 from split_drake.split.se3 import compose, uniform_rotations
 
 # Of the noise that is injected where samples are to spread, not to gather at the modes.
@@ -104,7 +100,7 @@ class SplitDetector:
         """Return a detector with the same network whose samples spread further.
 
         80% of the true grasps of training mugs have a sample nearby, in place of 61%, and 85% of
-        the grasps are good, in place of 92% (`split_drake.training.sampler_study`).
+        the grasps are good, in place of 92% (`split_drake.studies.sampler_study`).
         """
         langevin = replace(self.config.langevin, temperature=WIDE_TEMPERATURE)
         return SplitDetector(self._network, replace(self.config, langevin=langevin))

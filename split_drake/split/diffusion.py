@@ -20,22 +20,12 @@ Differs from the paper:
 - The covariance ``sigma I`` is read as ``sigma^2 I``, as which it is sampled.
 """
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import torch
 from torch import Tensor
 
 from split_drake.split.se3 import compose, so3_exp, so3_log
-
-# (poses (..., 4, 4), sigma) -> sigma * score (..., 6) in the poses' own frames.
-ScoreFunction = Callable[[Tensor, float], Tensor]
-# Called with (step, poses before the step), and at the end with (steps, poses that are returned).
-StepCallback = Callable[[int, Tensor], None]
-# Positions (..., 3) in V, metres, to where the score is defined: inside the scene.
-Confine = Callable[[Tensor], Tensor]
 
 
 @dataclass(frozen=True)
@@ -69,28 +59,6 @@ class NoiseSchedule:
         return self.sigma(torch.linspace(1.0, 0.0, steps, dtype=torch.float64)).tolist()
 
 
-class Integrator(Protocol):
-    """Takes poses to samples of the density whose score it is given."""
-
-    def __call__(
-        self,
-        score: ScoreFunction,
-        X: Tensor,
-        schedule: NoiseSchedule,
-        generator: torch.Generator,
-        confine: Confine,
-        callback: StepCallback,
-    ) -> Tensor:
-        """Return samples (..., 4, 4) reached from the poses `X` (..., 4, 4).
-
-        Args:
-            schedule: the noise levels that `score` was trained for.
-            generator: the only source of chance.
-            confine: applied to the positions after each step.
-            callback: sees the poses before each step, and those returned.
-        """
-
-
 def move(X: Tensor, xi: Tensor, length_m: float) -> Tensor:
     """Return the poses `X` (..., 4, 4) moved by [v / length, omega] (..., 6) in their frames."""
     R, p = X[..., :3, :3], X[..., :3, 3]
@@ -115,78 +83,3 @@ def displacement(X: Tensor, X_noisy: Tensor, length_m: float) -> Tensor:
 def target_score(X: Tensor, X_noisy: Tensor, sigma: Tensor, length_m: float) -> Tensor:
     """Return sigma times the gradient of log q(X_noisy | X) in the frame of `X_noisy`, (..., 6)."""
     return -displacement(X, X_noisy, length_m) / sigma[..., None]
-
-
-def advance(X: Tensor, xi: Tensor, schedule: NoiseSchedule, confine: Confine) -> Tensor:
-    """Return the poses `X` (..., 4, 4) moved by `xi` (..., 6), and confined."""
-    X = move(X, xi, schedule.length_m)
-    X[..., :3, 3] = confine(X[..., :3, 3])
-    return X
-
-
-@dataclass(frozen=True)
-class LangevinConfig:
-    """Annealed Langevin dynamics.
-
-    Attributes:
-        steps: noisy steps, one for each sigma from the schedule's largest to its smallest.
-        step_scale: alpha / sigma^2 of the paper's step; 2 leads to the mean that the score points
-            at, and a little more makes up for few steps.
-        temperature: factor on the injected noise; 1 samples the learned density, less favours its
-            modes.
-        final_steps: noise-free steps at the end, each to the mean that the score points at.
-        final_sigma: noise level of those steps, within the schedule that the network was trained
-            for (`annealed_langevin` checks it).
-    """
-
-    steps: int = 15
-    step_scale: float = 2.2
-    temperature: float = 0.2
-    final_steps: int = 1
-    final_sigma: float = 0.06
-
-    def __post_init__(self) -> None:
-        if self.steps < 1 or self.final_steps < 0:
-            raise ValueError(
-                f"steps={self.steps}, final_steps={self.final_steps}; expected at least 1 and 0"
-            )
-        if self.step_scale <= 0.0 or self.temperature < 0.0 or self.final_sigma <= 0.0:
-            raise ValueError(
-                f"step_scale={self.step_scale}, temperature={self.temperature}, "
-                f"final_sigma={self.final_sigma}; expected > 0, >= 0 and > 0"
-            )
-
-
-def annealed_langevin(
-    score: ScoreFunction,
-    X: Tensor,
-    schedule: NoiseSchedule,
-    generator: torch.Generator,
-    confine: Confine,
-    callback: StepCallback,
-    *,
-    config: LangevinConfig,
-) -> Tensor:
-    """Integrate the dynamics of paper IV-D: an `Integrator` with `config` given.
-
-    A step is X Exp(alpha/2 score + sqrt(alpha) noise) with alpha = step_scale * sigma^2.  `score`
-    returns sigma * score, so that alpha/2 score = step_scale/2 * sigma * score(...).
-
-    Raises ValueError where the final steps are at a noise level outside the schedule.
-    """
-    if config.final_steps and not schedule.sigma_min <= config.final_sigma <= schedule.sigma_max:
-        raise ValueError(
-            f"final_sigma is {config.final_sigma}; the score was trained for noise from "
-            f"{schedule.sigma_min} to {schedule.sigma_max}"
-        )
-    sigmas = schedule.descending(config.steps) + [config.final_sigma] * config.final_steps
-    for step, sigma in enumerate(sigmas):
-        callback(step, X)
-        xi = sigma * score(X, sigma)
-        if step < config.steps:
-            noise = torch.randn(xi.shape, generator=generator, device=generator.device)
-            spread = config.temperature * math.sqrt(config.step_scale) * sigma
-            xi = 0.5 * config.step_scale * xi + spread * noise.to(xi)
-        X = advance(X, xi, schedule, confine)
-    callback(len(sigmas), X)
-    return X

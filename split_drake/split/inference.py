@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from split_drake.pose_set import PoseTask
+from split_drake.pose_task import PoseTask
 from split_drake.split.context import FeatureTables, in_pose_axes, pose_numbers
 from split_drake.split.network import TASKS, FilmMlp, SplitNetwork
 

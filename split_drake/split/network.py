@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from split_drake.pose_set import PoseTask
+from split_drake.pose_task import PoseTask
 from split_drake.split.context import FeatureTables, in_pose_axes, point_kernel, pose_numbers
 from split_drake.split.diffusion import NoiseSchedule
 
@@ -28,7 +28,7 @@ class SplitConfig:
     """What it takes to rebuild a network.
 
     The defaults are SPLIT; the other values of `context` and `score_frame` take away one of its two
-    ideas each, locality and symmetry (paper IV-B), and exist for `split_drake.training.ablate`.
+    ideas each, locality and symmetry (paper IV-B), and exist for `split_drake.studies.ablate`.
 
     Attributes:
         channels: of the encoder's blocks; each halves the resolution.

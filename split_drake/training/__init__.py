@@ -1,1 +1,1 @@
-"""Training of SPLIT and its evaluation."""
+"""How SPLIT is trained."""

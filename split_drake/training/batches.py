@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from split_drake.pose_set import PoseTask
+from split_drake.pose_task import PoseTask
 from split_drake.split.diffusion import NoiseSchedule, displacement, perturb, target_score
 from split_drake.split.network import TASKS, SplitConfig
 from split_drake.training.augmentation import (

@@ -21,7 +21,8 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress
 
-from split_drake.data.dataset import MugDataset, file_sha256
+from split_drake.data.dataset import MugDataset
+from split_drake.experiments.provenance import file_sha256
 from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
 from split_drake.split.network import SplitConfig

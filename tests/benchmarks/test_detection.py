@@ -8,7 +8,7 @@ import pytest
 import torch
 import trimesh
 
-from split_drake.data.mugs import load_mug
+from split_drake.objects.mugs.split import load_mug
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.detector import SamplerConfig, SplitDetector

@@ -1,0 +1,232 @@
+"""The collision world: the robot, the static station, and the object as a perceived cloud.
+
+Robot against table, hook and itself is Drake's `SceneGraphCollisionChecker`.  The object is a set
+of points with a radius, standing in the world or held by the hand; it is checked by the distances
+of its points, so that contacts can be exempted point by point and objects change for free.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common import Parallelism
+from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
+
+from planning.collision.distances import (
+    arm_capsules,
+    distance_to_box,
+    distance_to_segments,
+    hook_capsules,
+)
+from planning.collision.exemptions import MAX_TABLE_DEPTH_M
+from planning.problem import AllowedContact
+from split_drake.poses import Array, invert_pose, transform_points
+from split_drake.robot.gripper import PALM, Box, finger_boxes
+from split_drake.robot.kinematics import X_7G, link_poses
+from split_drake.robot.panda import add_panda, panda_positions
+from split_drake.station.fixtures import add_hook, add_table
+from split_drake.station.layout import Layout
+
+# Joint motions are checked at steps of this size.
+EDGE_STEP_RAD = 0.02
+SPARSE_STEP = 6
+# Each perceived point stands for a sphere of this radius: half the diagonal of the cloud's voxels
+# within the surface.
+POINT_RADIUS_M = 0.006
+# Held points that are nearer than by this much to touching the palm count as touching it.
+TOLERATED_M = 0.001
+# The robot stays this far from hook and table, and further from the table where it moves fast,
+# which is where it declares no contact: the arm follows its commands within some millirad, and is a
+# metre long.
+HOOK_MARGIN_M = 0.004
+TABLE_MARGIN_M, FAST_TABLE_MARGIN_M = 0.001, 0.006
+
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What the hand holds and what stands around it during a motion.
+
+    Attributes:
+        opening_m: distance between the pads.
+        p_WStanding: (N, 3) points of an object that stands in the world, or None.
+        p_GHeld: (N, 3) points of an object in the hand, or None.
+        peg_exempt: (N,) the held points that HELD_PEG exempts.
+        table_below_m: height of the gripper (z of G in W) below which HELD_TABLE acts.
+        allowed: declared contacts; HELD_PEG acts on `peg_exempt` alone.
+    """
+
+    opening_m: float
+    p_WStanding: Array | None = None
+    p_GHeld: Array | None = None
+    peg_exempt: BoolArray | None = None
+    table_below_m: float = np.inf
+    allowed: frozenset[AllowedContact] = frozenset()
+
+
+class CollisionWorld:
+    """Checks configurations of the arm against everything around it.
+
+    Attributes:
+        checker: of the robot against the static station and itself, with margins.
+        wary_checker: with the larger ones of free motions.
+        layout: of the station.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+        self.checker = static_checker(layout, HOOK_MARGIN_M, TABLE_MARGIN_M)
+        self.wary_checker = static_checker(layout, HOOK_MARGIN_M, FAST_TABLE_MARGIN_M)
+        self._peg, self._post = hook_capsules(layout)
+
+    def free(self, qs: Array, situation: Situation) -> BoolArray:
+        """Return (N,): which configurations (N, 7) touch nothing that is not allowed."""
+        checker = self.checker if situation.allowed else self.wary_checker
+        arms = [panda_positions(q, situation.opening_m) for q in qs]
+        free = np.array([checker.CheckConfigCollisionFree(arm) for arm in arms], dtype=bool)
+        if free.any():
+            free[free] = self._object_free(qs[free], situation)
+        return free
+
+    def path_free(self, qs: Array, situation: Situation) -> bool:
+        """Return whether the straight joint motions through `qs` (N, 7) are free.
+
+        Motions that are not mostly show it at a few places; these are looked at first.
+        """
+        dense = densified(qs, EDGE_STEP_RAD)
+        sparse = np.zeros(len(dense), dtype=bool)
+        sparse[::SPARSE_STEP] = True
+        return bool(
+            self.free(dense[sparse], situation).all() and self.free(dense[~sparse], situation).all()
+        )
+
+    def _object_free(self, qs: Array, situation: Situation) -> BoolArray:
+        free = np.ones(len(qs), dtype=bool)
+        if situation.p_WStanding is None and situation.p_GHeld is None:
+            return free
+        X_WLs = link_poses(qs)
+        X_WGs = X_WLs[:, 6] @ X_7G
+        if situation.p_WStanding is not None:
+            p_WPs = np.broadcast_to(situation.p_WStanding, (len(qs), *situation.p_WStanding.shape))
+            free &= _arm_free(X_WLs, p_WPs, last_link=7)
+            free &= _hand_free(X_WGs, situation.p_WStanding, situation)
+        if situation.p_GHeld is not None:
+            p_WPs = _posed(X_WGs, situation.p_GHeld)
+            free &= _arm_free(X_WLs, p_WPs, last_link=6)
+            free &= _clear_of_table(p_WPs, X_WGs[:, 2, 3], situation)
+            free &= self._clear_of_hook(p_WPs, situation)
+        return free
+
+    def _clear_of_hook(self, p_WPs: Array, situation: Situation) -> BoolArray:
+        """Return (B,): whether the held points (B, N, 3) are clear of the hook, or exempt."""
+        free = np.ones(len(p_WPs), dtype=bool)
+        for capsule in (self._peg, self._post):
+            gap = capsule.radius_m + POINT_RADIUS_M
+            touching = distance_to_segments(p_WPs, *capsule.p_FEnds) < gap
+            if capsule is self._peg and AllowedContact.HELD_PEG in situation.allowed:
+                touching &= ~_required(situation.peg_exempt)
+            free &= ~touching.any(axis=1)
+        return free
+
+
+def clear_of_palm(X_WG: Array, p_WPs: Array) -> BoolArray:
+    """Return (N,): which points (N, 3) of an object are off the palm of a hand at X_WG (4, 4).
+
+    A held object may have come so close while it was taken.
+    """
+    p_GPs = transform_points(invert_pose(X_WG), p_WPs)
+    return np.asarray(distance_to_box(p_GPs, PALM) > POINT_RADIUS_M + TOLERATED_M)
+
+
+def densified(qs: Array, step_rad: float) -> Array:
+    """Return the path (M, 7) with no joint moving by more than `step_rad` between neighbours."""
+    pieces = [qs[:1]]
+    for start, end in pairwise(qs):
+        count = max(1, int(np.ceil(np.abs(end - start).max() / step_rad)))
+        shares = np.arange(1, count + 1)[:, None] / count
+        pieces.append(start + shares * (end - start))
+    return np.concatenate(pieces)
+
+
+def _clear_of_table(p_WPs: Array, z_WGs: Array, situation: Situation) -> BoolArray:
+    """Return (B,): whether held points (B, N, 3) are above the table, or as deep as allowed.
+
+    `z_WGs` (B,) are the heights of the gripper.
+    """
+    exempt = np.zeros(len(p_WPs), dtype=bool)
+    if AllowedContact.HELD_TABLE in situation.allowed:
+        exempt = z_WGs < situation.table_below_m
+    floors = np.where(exempt, -MAX_TABLE_DEPTH_M, POINT_RADIUS_M)
+    return np.asarray(p_WPs[..., 2].min(axis=1) > floors)
+
+
+def _required(mask: BoolArray | None) -> BoolArray:
+    if mask is None:
+        raise ValueError("HELD_PEG is allowed but no points are exempt; expected peg_exempt")
+    return mask
+
+
+def _posed(X_WGs: Array, p_GPs: Array) -> Array:
+    """Return (B, N, 3): points (N, 3) of G for each of the poses (B, 4, 4)."""
+    return p_GPs @ np.swapaxes(X_WGs[:, :3, :3], 1, 2) + X_WGs[:, None, :3, 3]
+
+
+def _hand_free(X_WGs: Array, p_WPs: Array, situation: Situation) -> BoolArray:
+    """Return (B,): whether palm and, unless exempt, fingers are clear of points (N, 3)."""
+    boxes: tuple[Box, ...] = (PALM,)
+    if AllowedContact.FINGERS_TARGET not in situation.allowed:
+        boxes += finger_boxes(situation.opening_m)
+    p_GPs = _posed(invert_pose(X_WGs), p_WPs)
+    free = np.ones(len(X_WGs), dtype=bool)
+    for box in boxes:
+        free &= distance_to_box(p_GPs, box).min(axis=1) > POINT_RADIUS_M
+    return free
+
+
+def _arm_free(X_WLs: Array, p_WPs: Array, last_link: int) -> BoolArray:
+    """Return (B,): whether links 0 to `last_link` are clear of points (B, N, 3).
+
+    Capsules that the points' bounding sphere shows to be far away are not looked at closer.
+    """
+    free = np.ones(len(p_WPs), dtype=bool)
+    center = p_WPs.mean(axis=1, keepdims=True)
+    reach = np.linalg.norm(p_WPs - center, axis=-1).max(axis=1)
+    X_W0s = np.broadcast_to(np.eye(4), (len(X_WLs), 1, 4, 4))
+    X_WLs = np.concatenate([X_W0s, X_WLs], axis=1)
+    for link, capsule in arm_capsules():
+        if link > last_link:
+            continue
+        p_WEnds = np.swapaxes(_posed(X_WLs[:, link], capsule.p_FEnds), 0, 1)
+        gap = capsule.radius_m + POINT_RADIUS_M
+        near = free & (distance_to_segments(center, *p_WEnds)[:, 0] < reach + gap)
+        if near.any():
+            distances = distance_to_segments(p_WPs[near], *p_WEnds[:, near])
+            free[near] = distances.min(axis=1) > gap
+    return free
+
+
+def static_checker(
+    layout: Layout, hook_margin_m: float, table_margin_m: float
+) -> SceneGraphCollisionChecker:
+    """Return the checker of the robot against table and hook, grown by margins, and itself."""
+    hook = replace(
+        layout.hook,
+        peg_radius_m=layout.hook.peg_radius_m + hook_margin_m,
+        tip_distance_m=layout.hook.tip_distance_m + hook_margin_m,
+        post_radius_m=layout.hook.post_radius_m + hook_margin_m,
+        post_above_m=layout.hook.post_above_m + hook_margin_m,
+    )
+    builder = RobotDiagramBuilder(time_step=0.001)
+    panda = add_panda(builder.plant())
+    add_table(builder.plant(), layout, table_margin_m)
+    add_hook(builder.plant(), replace(layout, hook=hook))
+    return SceneGraphCollisionChecker(
+        model=builder.Build(),
+        robot_model_instances=[panda],
+        edge_step_size=EDGE_STEP_RAD,
+        env_collision_padding=0.0,
+        self_collision_padding=0.0,
+        implicit_context_parallelism=Parallelism(1),
+    )

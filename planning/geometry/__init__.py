@@ -1,0 +1,1 @@
+"""Pose algebra and what is known of the perceived object."""

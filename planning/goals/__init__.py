@@ -1,0 +1,1 @@
+"""Where a subgoal takes an object."""

@@ -1,0 +1,1 @@
+"""How a task is carried through, with looking again and recovery."""

@@ -1,0 +1,128 @@
+"""What was tried at a task, in which order, and how it ended."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+from planning.execution.executor import ExecutionResult
+from planning.handling.held_view import HeldView
+from planning.problem import Plan, PlanFailure, Stage, Subgoal
+from split_drake.pose_set import PoseSet
+from split_drake.pose_task import PoseTask
+from split_drake.scene import Scene
+
+PoseSets = Mapping[PoseTask, PoseSet]
+
+
+@dataclass(frozen=True)
+class AttemptLimits:
+    """How much is tried before a task is given up.
+
+    Attributes:
+        picks: how often the object is taken in vain; at least 1.
+        placements: ways of placing that are tried out of one hand; at least 1.
+        reorientations: how often an object is stood upright before hanging it is given up.
+        looks: perceptions in a row from which no plan came.
+        ways_out: that are tried out of an object which the open hand is caught on.
+        held_views: whether what was lifted is looked at, and placed as it lies in the hand.
+
+    Raises ValueError where one of them is too small.
+    """
+
+    picks: int = 4
+    placements: int = 3
+    reorientations: int = 1
+    looks: int = 2
+    ways_out: int = 3
+    held_views: bool = True
+
+    @classmethod
+    def without_feedback(cls) -> Self:
+        """Return limits under which plans are executed as they are, and nothing is tried twice."""
+        return cls(picks=1, placements=1, looks=1, ways_out=0, held_views=False)
+
+    def __post_init__(self) -> None:
+        leasts = {"picks": 1, "placements": 1, "reorientations": 0, "looks": 1, "ways_out": 0}
+        for name, least in leasts.items():
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} is {getattr(self, name)}; expected at least {least}")
+
+
+@dataclass(frozen=True)
+class Perception:
+    """What was seen at one moment.
+
+    Attributes:
+        scene: the cloud and its views.
+        pose_sets: found in it.
+        duration_s: wall time that it took.
+    """
+
+    scene: Scene
+    pose_sets: PoseSets
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One subgoal, planned and, where there is a plan, executed.
+
+    Attributes:
+        subgoal: that was tried.
+        perception: that it was planned from; several attempts may share one.
+        outcome: the plan, or why there is none.
+        execution: how the plan went, to the lifted object where another attempt goes on from there;
+            None where there is no plan.
+        planning_s, execution_s: wall time, the execution's with all recovery after it.
+        held: how the object was seen to lie in the hand, before the attempt where its plan starts
+            from there, else after the lift; None where nothing was lifted.
+        recovery: what the robot did after a failure; empty where it did nothing.
+    """
+
+    subgoal: Subgoal
+    perception: Perception
+    outcome: Plan | PlanFailure
+    execution: ExecutionResult | None
+    planning_s: float
+    execution_s: float
+    held: HeldView | None = None
+    recovery: str = ""
+
+    @property
+    def failure(self) -> tuple[Stage | None, str]:
+        """The stage that failed and why; (None, "") where the attempt was executed to its end."""
+        if isinstance(self.outcome, PlanFailure):
+            return self.outcome.stage, self.outcome.reason
+        if self.execution is None:
+            raise ValueError("a plan that was not executed has no outcome yet")
+        return self.execution.stage, self.execution.reason
+
+
+@dataclass(frozen=True)
+class SequenceResult:
+    """All attempts at a task.
+
+    Attributes:
+        attempts: in their order.
+        stage: where the task failed; None where the last plan was executed to its end, which says
+            nothing yet about whether the object is where it should be.
+        reason: of the failure; empty where there is none.
+        perception_s: wall time of all perceptions.
+    """
+
+    attempts: tuple[Attempt, ...]
+    stage: Stage | None
+    reason: str
+    perception_s: float
+
+    @property
+    def completed(self) -> bool:
+        return self.stage is None
+
+    @property
+    def planning_s(self) -> float:
+        return sum(attempt.planning_s for attempt in self.attempts)
+
+    @property
+    def execution_s(self) -> float:
+        return sum(attempt.execution_s for attempt in self.attempts)

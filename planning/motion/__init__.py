@@ -1,0 +1,1 @@
+"""Timed motions of the arm from one configuration to another."""

@@ -1,0 +1,1 @@
+"""The search for a pick and a place that go together."""

@@ -1,0 +1,178 @@
+"""Picks: for one grasp, the configurations from which to approach, close and lift."""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from planning.collision.exemptions import TABLE_LIFT_M
+from planning.collision.world import CollisionWorld, Situation
+from planning.geometry.perceived import PerceivedObject
+from planning.geometry.waypoints import APPROACH_M, LINE_STEP_M, backed_off, shifted, straight_line
+from planning.motion.ik import DrakeIk, IkSolutions, follow
+from planning.pick_place.fingers import RELEASE_CLEARANCE_M, FingerFit, fit_fingers
+from planning.problem import AllowedContact
+from split_drake.poses import Array, invert_pose, transform_points
+from split_drake.robot.gripper import MAX_OPENING_M
+from split_drake.robot.kinematics import gripper_pose
+
+APPROACHES_M = (APPROACH_M, 0.06)
+LIFTS_M = (0.10, 0.06)
+MIN_CLEARANCE_M = 0.002
+# A posture in the middle of the arm's range, over the workspace.
+Q_COMFORT = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 2.0, np.pi / 4.0])
+# Configurations tried for one grasp.
+MAX_CONFIGURATIONS = 6
+
+
+@dataclass(frozen=True)
+class Pick:
+    """A feasible way to take the object.
+
+    Attributes:
+        X_WG: (4, 4) grasp.
+        opening_m: of the fingers before they close.
+        release_m: to which they open when they let go.
+        held_width_m: expected between the pads once they have closed.
+        approach_qs: (A, 7) from the pregrasp to the grasp.
+        lift_qs: (L, 7) from the grasp upwards.
+        lifting: the situation during the lift.
+    """
+
+    X_WG: Array
+    opening_m: float
+    release_m: float
+    held_width_m: float
+    approach_qs: Array
+    lift_qs: Array
+    lifting: Situation
+
+    def held(self, p_WPs: Array) -> Array:
+        """Return points (N, 3) of the object before the pick in the gripper's frame, p_GPs."""
+        return transform_points(invert_pose(self.X_WG), p_WPs)
+
+
+def held_pick(q: Array, held_width_m: float, target: PerceivedObject) -> Pick:
+    """Return the pick of an object that the hand holds already, at `q` (7,).
+
+    It is let go by opening clearly further than it is wide, whatever its cloud, which is some
+    millimetres off, makes of that.
+    """
+    X_WG = gripper_pose(q)
+    free_m = min(MAX_OPENING_M, held_width_m + 2.0 * RELEASE_CLEARANCE_M)
+    release_m = max(fit_fingers(X_WG, target.p_WDetails).release_m, free_m)
+    holding = Situation(
+        held_width_m, p_GHeld=transform_points(invert_pose(X_WG), target.p_WObstacles)
+    )
+    return Pick(X_WG, release_m, release_m, held_width_m, q[None], q[None], holding)
+
+
+class PickSearch:
+    """Finds picks and counts what grasps are rejected by."""
+
+    def __init__(self, world: CollisionWorld, target: PerceivedObject, ik: DrakeIk) -> None:
+        self._world = world
+        self._target = target
+        self._ik = ik
+        self.rejected: Counter[str] = Counter()
+
+    def find(self, X_WG: Array, fit: FingerFit, solutions: IkSolutions, index: int) -> Pick | None:
+        """Return a pick at the grasp, whose solutions are number `index` of `solutions`."""
+        if fit.clearance_m < MIN_CLEARANCE_M:
+            self.rejected["no opening clears the object"] += 1
+            return None
+        reason = "IK"
+        for q in self._configurations(X_WG, solutions.of(index, Q_COMFORT)):
+            pick, reason = self._from_configuration(q, X_WG, fit)
+            if pick is not None:
+                return pick
+        self.rejected[reason] += 1
+        return None
+
+    def _configurations(self, X_WG: Array, qs: Array) -> Iterator[Array]:
+        """Yield the solution nearest to comfort, refined, and then the others as they are."""
+        if not len(qs):
+            return
+        refined = self._ik.refine(X_WG, qs[0], Q_COMFORT)
+        if refined is not None:
+            exact = follow(refined, X_WG[None])
+            if exact is not None:
+                yield exact[0]
+        yield from qs[:MAX_CONFIGURATIONS]
+
+    def _from_configuration(self, q: Array, X_WG: Array, fit: FingerFit) -> tuple[Pick | None, str]:
+        touching = frozenset({AllowedContact.FINGERS_TARGET})
+        obstacles = self._target.p_WObstacles
+        grasping = Situation(fit.opening_m, p_WStanding=obstacles, allowed=touching)
+        if not self._world.free(q[None], grasping)[0]:
+            return None, "collision at the grasp"
+        approach, reason = self._approach(q, X_WG, grasping)
+        if approach is None:
+            return None, reason
+        lifting = self._lifting(X_WG, fit)
+        lift = self._lift(q, X_WG, lifting)
+        if lift is None:
+            return None, "lift"
+        widths = (fit.opening_m, fit.release_m, fit.held_width_m)
+        return Pick(X_WG, *widths, approach, lift, lifting), ""
+
+    def _approach(self, q: Array, X_WG: Array, grasping: Situation) -> tuple[Array | None, str]:
+        """Return (A, 7) from the furthest pregrasp that works to the grasp at `q`, or why none."""
+        before = Situation(grasping.opening_m, p_WStanding=grasping.p_WStanding)
+        reason = ""
+        for distance in APPROACHES_M:
+            back = follow(q, straight_line(X_WG, backed_off(X_WG, distance), LINE_STEP_M))
+            if back is None:
+                reason = "IK of the approach"
+                continue
+            path = np.concatenate([back[::-1], q[None]])
+            if self._world.free(path[:1], before)[0] and self._world.path_free(path, grasping):
+                return path, ""
+            reason = "collision on the approach"
+        return None, reason
+
+    def _lifting(self, X_WG: Array, fit: FingerFit) -> Situation:
+        return Situation(
+            fit.held_width_m,
+            p_GHeld=transform_points(invert_pose(X_WG), self._target.p_WObstacles),
+            table_below_m=float(X_WG[2, 3]) + TABLE_LIFT_M,
+            allowed=frozenset({AllowedContact.HELD_TABLE}),
+        )
+
+    def _lift(self, q: Array, X_WG: Array, lifting: Situation) -> Array | None:
+        clear = Situation(lifting.opening_m, p_GHeld=lifting.p_GHeld)
+        for height in LIFTS_M:
+            up = follow(q, straight_line(X_WG, shifted(X_WG, (0.0, 0.0, height)), LINE_STEP_M))
+            if up is None or not self._world.free(up[-1:], clear)[0]:
+                continue
+            path = np.concatenate([q[None], up])
+            if self._world.path_free(path, lifting):
+                return path
+        return None
+
+
+def balance(X_WGs: Array, target: PerceivedObject) -> Array:
+    """Return (N,) factors in (0, 1]: which grasps (N, 4, 4) come from above and hold with ease.
+
+    An object's weight turns it about the closing direction, which friction alone resists, with a
+    lever of up to the distance of its centre of mass from that axis.
+    """
+    approach = 0.6 + 0.4 * np.clip(-X_WGs[:, 2, 2], 0.0, 1.0)
+    lever = np.linalg.norm(np.cross(target.p_WCom - X_WGs[:, :3, 3], X_WGs[:, :3, 1]), axis=1)
+    return np.asarray(approach * np.exp(-np.square(lever / 0.05)))
+
+
+def firmness(fits: list[FingerFit]) -> Array:
+    """Return (N,) factors in (0, 1]: which grasps pinch deeply and leave the fingers room.
+
+    Where the stems of the fingers would meet the object before their pads do, the hand pushes and
+    turns the object as it closes.
+    """
+    depth = np.array([fit.pinch_depth_m for fit in fits])
+    room = np.array([fit.clearance_m for fit in fits])
+    deep = 0.3 + 0.7 * np.clip(depth / 0.016, 0.0, 1.0)
+    wide = 0.5 + 0.5 * np.clip(room / 0.006, 0.0, 1.0)
+    stems = np.array([fit.stem_room_m for fit in fits])
+    square = np.clip(stems / 0.003, 0.05, 1.0)
+    return np.asarray(deep * wide * square)

@@ -1,0 +1,111 @@
+"""From paths to the named, timed segments of a plan."""
+
+from dataclasses import dataclass, replace
+
+from planning.collision.world import CollisionWorld, Situation
+from planning.geometry.perceived import PerceivedObject
+from planning.motion.segment_builder import (
+    FINGER_SPEED_M_S,
+    SETTLE_S,
+    SQUEEZE_M,
+    SegmentBuilder,
+    executed_s,
+    opening_segment,
+)
+from planning.motion.timing import CAREFUL, FEELING, FREE, LOADED, WARY, rest
+from planning.pick_place.pick import Pick
+from planning.pick_place.place import Place
+from planning.problem import AllowedContact, Segment, SegmentName
+from split_drake.poses import Array
+from split_drake.robot.gripper import MAX_FORCE_N
+
+# Whether an object hangs is watched from the fourth second after its release: the arm rests then,
+# if nothing holds it up.
+MAX_AFTER_RELEASE_S = 2.9
+
+_FINGERS = frozenset({AllowedContact.FINGERS_TARGET})
+
+
+@dataclass(frozen=True)
+class Route:
+    """The motions between a plan's straight lines, each (N, 7).
+
+    Attributes:
+        transit_qs: from the start to the pregrasp; None where the object is in the hand already.
+        transfer_qs: from the lifted object to the insertion.
+        away_qs: from the retreat's end on, away from the object; None to stay there.
+    """
+
+    transit_qs: Array | None
+    transfer_qs: Array
+    away_qs: Array | None
+
+
+def late(segments: tuple[Segment, ...]) -> bool:
+    """Return whether the arm still moves `MAX_AFTER_RELEASE_S` after the hand has opened."""
+    names = [segment.name for segment in segments]
+    after = segments[names.index(SegmentName.OPEN) + 1 :]
+    return sum(executed_s(segment) for segment in after) > MAX_AFTER_RELEASE_S
+
+
+def before_watch(segments: tuple[Segment, ...]) -> tuple[Segment, ...]:
+    """Return the segments, without the withdrawal at their end where it would last too long."""
+    withdraws = segments[-1].name is SegmentName.TRANSIT
+    return segments[:-1] if withdraws and late(segments) else segments
+
+
+def plan_segments(
+    world: CollisionWorld, target: PerceivedObject, pick: Pick, place: Place, route: Route
+) -> tuple[Segment, ...]:
+    """Return the segments of a pick and place, in their order; of the place alone if so routed."""
+    carrying = Situation(pick.held_width_m, p_GHeld=pick.held(target.p_WObstacles))
+    after = Situation(pick.release_m, p_WStanding=place.p_WReleased)
+    grip = SegmentBuilder(world)
+    segments = [
+        *_pick_segments(grip, target, pick, route.transit_qs),
+        grip.loaded(SegmentName.TRANSFER, route.transfer_qs, LOADED, carrying),
+        grip.loaded(SegmentName.INSERT, place.insert_qs, CAREFUL, place.inserting),
+        grip.loaded(SegmentName.INSERT, place.lower_qs, FEELING, place.lowering, feel=True),
+        _open(place, pick),
+        grip.empty(SegmentName.RETREAT, place.retreat_qs, WARY, _allowing(after, _FINGERS)),
+    ]
+    if route.away_qs is not None:
+        segments.append(grip.empty(SegmentName.TRANSIT, route.away_qs, FREE, after))
+    return tuple(segments)
+
+
+def _pick_segments(
+    grip: "SegmentBuilder", target: PerceivedObject, pick: Pick, transit_qs: Array | None
+) -> tuple[Segment, ...]:
+    if transit_qs is None:
+        return ()
+    before = Situation(pick.opening_m, p_WStanding=target.p_WObstacles)
+    return (
+        grip.empty(SegmentName.TRANSIT, transit_qs, FREE, before),
+        grip.empty(SegmentName.APPROACH, pick.approach_qs, CAREFUL, _allowing(before, _FINGERS)),
+        _close(pick),
+        grip.loaded(SegmentName.LIFT, pick.lift_qs, CAREFUL, pick.lifting),
+    )
+
+
+def _allowing(situation: Situation, contacts: frozenset[AllowedContact]) -> Situation:
+    return replace(situation, allowed=contacts)
+
+
+def _close(pick: Pick) -> Segment:
+    duration = (pick.opening_m - SQUEEZE_M) / FINGER_SPEED_M_S + SETTLE_S
+    return Segment(
+        name=SegmentName.CLOSE,
+        trajectory=rest(pick.approach_qs[-1], duration),
+        opening_start_m=pick.opening_m,
+        opening_end_m=SQUEEZE_M,
+        force_n=MAX_FORCE_N,
+        holding=False,
+        allowed_contacts=_FINGERS,
+        held_width_m=pick.held_width_m,
+    )
+
+
+def _open(place: Place, pick: Pick) -> Segment:
+    contacts = _FINGERS | place.placement.lower_contacts
+    return opening_segment(place.lower_qs[-1], pick.release_m, pick.held_width_m, contacts)

@@ -1,0 +1,168 @@
+"""What becomes of one problem with one planner, and the planning and checking that finds out."""
+
+import json
+import logging
+import time
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from planning.checking.checked_planner import PlanChecker, check_points
+from planning.planner import Planner, make_planner
+from planning.problem import Plan, PlanFailure, PlanningProblem
+from planning.problem_files import load_problems
+from scenarios.bench.plan_measures import PlanMeasures, PlanMeter
+from split_drake.experiments.run import read_json_lines
+from split_drake.station.layout_file import layout_from_json, layout_to_json
+
+SOLVED = "solved"
+# A plan that the independent checker refuses; a planner that raised, or whose plan made the check
+# or the measuring raise.
+REFUSED = "refused by the checker"
+ERROR = "error"
+
+_PLANNERS: dict[str, Planner] = {}
+
+
+@dataclass(frozen=True)
+class BenchRecord:
+    """What became of one problem with one planner.
+
+    Attributes:
+        problem: its name.
+        planner: its name.
+        outcome: "solved", the stage that failed, "refused by the checker", or "error".
+        reason: why, in words, or the traceback of an error; empty where solved.
+        planning_s: wall time of the planner; None where that is not known, after a crash.
+        planning_cpu_s: processor time of the planner, which other programs hardly change.
+        measures: of the plan; None where the problem is not solved.
+        search: the planner's own counts.
+    """
+
+    problem: str
+    planner: str
+    outcome: str
+    reason: str
+    planning_s: float | None
+    planning_cpu_s: float | None
+    measures: PlanMeasures | None = None
+    search: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def solved(self) -> bool:
+        return self.outcome == SOLVED
+
+    def to_json(self) -> str:
+        """Return one line of JSON without a line break."""
+        return json.dumps(asdict(self), separators=(",", ":"))
+
+    @classmethod
+    def from_fields(cls, fields: Mapping[str, Any]) -> Self:
+        measures = fields["measures"]
+        return cls(**{**fields, "measures": measures and PlanMeasures(**measures)})
+
+
+def read_bench_records(path: Path) -> list[BenchRecord]:
+    """Return the records of a results.jsonl; [] where there is no file."""
+    return [BenchRecord.from_fields(fields) for fields in read_json_lines(path)]
+
+
+@dataclass(frozen=True)
+class BenchTask:
+    """One problem of a file for one planner.
+
+    Attributes:
+        file: of the problems.
+        problem: name of the problem.
+        planner: its name.
+        seed: of every planner on the problem: that of the bench, and the problem's number.
+    """
+
+    file: Path
+    problem: str
+    planner: str
+    seed: tuple[int, int]
+
+
+def run_task(task: BenchTask) -> BenchRecord:
+    """Plan, and record what became of it."""
+    logging.getLogger("drake").setLevel(logging.WARNING)
+    problem = _problems(task.file)[task.problem]
+    make = partial(_warm_planner, task.planner, problem)
+    return run_planner(make, task.planner, problem, task.problem, task.seed)
+
+
+def crashed_task(task: BenchTask) -> BenchRecord:
+    """Return the record of a task whose process died."""
+    return BenchRecord(task.problem, task.planner, ERROR, "the worker process died", None, None)
+
+
+def run_planner(
+    make: Callable[[], Planner],
+    planner_name: str,
+    problem: PlanningProblem,
+    problem_name: str,
+    seed: Sequence[int],
+) -> BenchRecord:
+    """Make the planner, plan, check the plan independently, and measure it.
+
+    Where any of this raises, the record is an error with the traceback.
+    """
+    seconds: tuple[float | None, float | None] = (None, None)
+    try:
+        planner = make()
+        started, started_cpu = time.perf_counter(), time.process_time()
+        try:
+            outcome = planner.plan(problem, np.random.default_rng(seed))
+        finally:
+            seconds = (time.perf_counter() - started, time.process_time() - started_cpu)
+        verdict, reason, measures = _judged(outcome, problem)
+        search = {name: float(value) for name, value in outcome.statistics.items()}
+    except Exception:
+        return BenchRecord(problem_name, planner_name, ERROR, traceback.format_exc(), *seconds)
+    return BenchRecord(problem_name, planner_name, verdict, reason, *seconds, measures, search)
+
+
+def _judged(
+    outcome: Plan | PlanFailure, problem: PlanningProblem
+) -> tuple[str, str, PlanMeasures | None]:
+    """Return the outcome in a word, the reason, and the measures of a plan that solves."""
+    if isinstance(outcome, PlanFailure):
+        return outcome.stage.value, outcome.reason, None
+    checker, meter = _judges(layout_to_json(problem.layout))
+    violations = checker.violations(outcome, problem)
+    if violations:
+        return REFUSED, str(violations[0]), None
+    return SOLVED, "", meter.measure(outcome, check_points(problem))
+
+
+@lru_cache(maxsize=1)
+def _problems(file: Path) -> dict[str, PlanningProblem]:
+    return load_problems(file)
+
+
+def _warm_planner(name: str, problem: PlanningProblem) -> Planner:
+    """Return this process's planner of that name.
+
+    A new one plans the problem once before: what is built at the first plan is no part of any time,
+    and a crash then is this problem's.
+    """
+    if name not in _PLANNERS:
+        planner = make_planner(name)
+        with suppress(Exception):  # it will raise again where that is recorded
+            planner.plan(problem, np.random.default_rng(0))
+        _PLANNERS[name] = planner
+    return _PLANNERS[name]
+
+
+@lru_cache(maxsize=1)
+def _judges(layout_json: str) -> tuple[PlanChecker, PlanMeter]:
+    """Return what checks and what measures plans for a layout, given as JSON."""
+    layout = layout_from_json(layout_json)
+    return PlanChecker(layout), PlanMeter(layout)

@@ -1,0 +1,116 @@
+"""Trial records: what is kept of a trial, one JSON line each, and the figures drawn from them."""
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from scenarios.trials.limit_log import Peaks, worst
+from split_drake.experiments.run import read_json_lines
+
+SUCCESS = "success"
+WIDE_MUG_M = 0.076  # wider bodies do not fit between the fingers
+
+
+@dataclass(frozen=True)
+class TrialRecord:
+    """What became of one trial.
+
+    Attributes:
+        index: of the trial in its run.
+        seed: that the trial's start, noise, detector and planner are drawn from.
+        mug: name of the shape.
+        mug_diameter_m: of its body.
+        outcome: "success", or the stage that failed.
+        reason: why, in words; empty on success.
+        attempts: one entry for each plan, and for each failure to find one: subgoal, stage and
+            reason, what the robot did after it, and how the object was seen to lie in the hand.
+        redraws: rejected starts, by reason.
+        seconds: wall time by stage.
+        simulated_s: time simulated from perception to verdict.
+        mesh_sha256: of the mug's mesh file; None for the mugs of the fixed splits.
+        peaks: how near the robot came to its limits, see `limit_log.Peaks`.
+        memory_bytes: the most that the worker has had resident so far.
+        violations: what the independent check found wrong with the trial's plans; None where they
+            were not checked.
+        recording: path of the recording within the run's folder, if one was kept.
+        traceback: of the exception that ended the trial, if one did.
+    """
+
+    index: int
+    seed: int
+    mug: str
+    mug_diameter_m: float
+    outcome: str
+    reason: str = ""
+    attempts: tuple[dict[str, Any], ...] = ()
+    redraws: dict[str, int] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    simulated_s: float = 0.0
+    mesh_sha256: str | None = None
+    peaks: dict[str, float] = field(default_factory=dict)
+    memory_bytes: int = 0
+    violations: tuple[str, ...] | None = None
+    recording: str | None = None
+    traceback: str | None = None
+
+    @property
+    def succeeded(self) -> bool:
+        return self.outcome == SUCCESS
+
+    @property
+    def exceeded(self) -> tuple[str, ...]:
+        """The limits that the robot went beyond, with the values."""
+        return Peaks(**self.peaks).exceeded()
+
+    def to_json(self) -> str:
+        """Return one line of JSON without a line break."""
+        return json.dumps(asdict(self), separators=(",", ":"))
+
+    @classmethod
+    def from_fields(cls, fields: Mapping[str, Any]) -> Self:
+        """Return the record that a line of JSON holds."""
+        lists = {key: tuple(value) for key, value in fields.items() if isinstance(value, list)}
+        return cls(**{**fields, **lists})
+
+
+def read_records(path: Path) -> list[TrialRecord]:
+    """Return the records of a trials.jsonl, in order of their index; [] where there is no file.
+
+    A last line that was cut off by a kill is left out; any other bad line raises ValueError.
+    """
+    records = [TrialRecord.from_fields(fields) for fields in read_json_lines(path)]
+    return sorted(records, key=lambda record: record.index)
+
+
+def failures_by_stage(records: Iterable[TrialRecord]) -> dict[str, int]:
+    """Return {stage: count} of the failed trials, most frequent first."""
+    counts = Counter(record.outcome for record in records if not record.succeeded)
+    return dict(counts.most_common())
+
+
+def median_seconds(records: Sequence[TrialRecord]) -> dict[str, float]:
+    """Return {stage: median wall seconds} over the trials that reached the stage."""
+    stages = dict.fromkeys(stage for record in records for stage in record.seconds)
+    return {
+        stage: float(np.median([r.seconds[stage] for r in records if stage in r.seconds]))
+        for stage in stages
+    }
+
+
+def total_redraws(records: Iterable[TrialRecord]) -> dict[str, int]:
+    """Return {reason: count} of the starts that were drawn again."""
+    counts: Counter[str] = Counter()
+    for record in records:
+        counts.update(record.redraws)
+    return dict(counts)
+
+
+def worst_peaks(records: Iterable[TrialRecord]) -> dict[str, float]:
+    """Return the worst peaks of the trials that have any, as records keep them; {} if none has."""
+    peaks = worst(Peaks(**record.peaks) for record in records if record.peaks)
+    return peaks.rounded() if peaks else {}

@@ -1,0 +1,140 @@
+"""What a run comes to: a table, summary.json and index.html."""
+
+import html
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from scenarios.trials.records import (
+    WIDE_MUG_M,
+    TrialRecord,
+    failures_by_stage,
+    median_seconds,
+    total_redraws,
+    worst_peaks,
+)
+from split_drake.experiments.statistics import Rate
+from split_drake.files import write_atomically, write_json
+
+_STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 70rem; color: #222 }
+table { border-collapse: collapse; width: 100% }
+th, td { text-align: left; padding: .3rem .6rem; border-bottom: 1px solid #ddd }
+.ok { color: #1a7f37 } .failed { color: #b3261e }
+"""
+
+
+def rates_by_width(records: Sequence[TrialRecord]) -> dict[str, Rate]:
+    """Return the rate over all mugs, over those that fit between the fingers, and the wider."""
+    narrow = [r for r in records if r.mug_diameter_m <= WIDE_MUG_M]
+    wide = [r for r in records if r.mug_diameter_m > WIDE_MUG_M]
+    width_mm = round(1000 * WIDE_MUG_M)
+    return {
+        "all mugs": Rate.of(records),
+        f"mugs up to {width_mm} mm": Rate.of(narrow),
+        "wider mugs": Rate.of(wide),
+    }
+
+
+def summarize(
+    records: Sequence[TrialRecord], config: Mapping[str, Any], wall_s: float
+) -> dict[str, Any]:
+    """Return the content of summary.json; `trials` counts the trials that ended."""
+    rate = Rate.of(records)
+    return {
+        **{key: config[key] for key in ("task", "detector", "planner", "mugs", "seed")},
+        "trials": rate.trials,
+        "trials_asked_for": config["trials"],
+        "successes": rate.successes,
+        "rate": rate.value if rate.trials else None,
+        "wilson95": rate.wilson95,
+        "by_width": {
+            name: {"successes": r.successes, "trials": r.trials, "wilson95": r.wilson95}
+            for name, r in rates_by_width(records).items()
+        },
+        "failures": failures_by_stage(records),
+        "redraws": total_redraws(records),
+        "median_s": median_seconds(records),
+        "limits_exceeded": {str(r.index): r.exceeded for r in records if r.exceeded},
+        "worst_peaks": worst_peaks(records),
+        "plans_checked_in": sum(r.violations is not None for r in records),
+        "violations": {str(r.index): r.violations for r in records if r.violations},
+        "wall_s": wall_s,
+    }
+
+
+def print_report(console: Console, records: Sequence[TrialRecord], title: str) -> None:
+    """Print rates, failures and times."""
+    rates = Table(title=title, title_justify="left")
+    rates.add_column("")
+    rates.add_column("successes [Wilson 95%]")
+    for name, rate in rates_by_width(records).items():
+        rates.add_row(name, str(rate))
+    console.print(rates)
+    checked = sum(record.violations is not None for record in records)
+    for name, figures in (
+        ("failures by stage", failures_by_stage(records)),
+        ("starts drawn again", total_redraws(records)),
+        (
+            "limits exceeded in trials",
+            {record.index: " and ".join(record.exceeded) for record in records if record.exceeded},
+        ),
+        ("worst of all trials", worst_peaks(records)),
+        (
+            f"violations in plans ({checked} trials checked)",
+            {record.index: "; ".join(record.violations) for record in records if record.violations},
+        ),
+        ("median seconds", {k: f"{v:.2f}" for k, v in median_seconds(records).items()}),
+    ):
+        listed = ", ".join(f"{key} {value}" for key, value in figures.items())
+        console.print(f"{name}: {listed or 'none'}")
+
+
+def _row(record: TrialRecord) -> str:
+    style = "ok" if record.succeeded else "failed"
+    replay = f'<a href="{html.escape(record.recording)}">replay</a>' if record.recording else ""
+    cells = (
+        str(record.index),
+        html.escape(record.mug),
+        f"{1000 * record.mug_diameter_m:.0f} mm",
+        f'<span class="{style}">{html.escape(record.outcome)}</span>',
+        html.escape(record.reason),
+        f'<span class="failed">{html.escape(", ".join(record.exceeded))}</span>',
+        replay,
+    )
+    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+
+
+def index_page(records: Sequence[TrialRecord], title: str) -> str:
+    """Return an HTML page that lists the trials and links their recordings."""
+    heads = "".join(
+        f"<th>{head}</th>"
+        for head in ("trial", "mug", "diameter", "outcome", "reason", "limits exceeded", "")
+    )
+    rates = "".join(
+        f"<li>{html.escape(name)}: {html.escape(str(rate))}</li>"
+        for name, rate in rates_by_width(records).items()
+    )
+    rows = "\n".join(_row(record) for record in records)
+    title = html.escape(title)
+    return (
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
+        f"<style>{_STYLE}</style><h1>{title}</h1><ul>{rates}</ul>"
+        f"<table><tr>{heads}</tr>\n{rows}\n</table></html>\n"
+    )
+
+
+def write_report(
+    folder: Path, records: Sequence[TrialRecord], config: Mapping[str, Any], wall_s: float
+) -> None:
+    """Write summary.json and index.html, atomically."""
+    write_json(folder / "summary.json", summarize(records, config, wall_s))
+    write_atomically(folder / "index.html", index_page(records, run_title(config)))
+
+
+def run_title(config: Mapping[str, Any]) -> str:
+    """Return a line that names a run."""
+    return "{task} with {detector}, {mugs} mugs, seed {seed}".format(**config)

@@ -1,0 +1,80 @@
+"""What determines a trial."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from planning.problem import Subgoal
+from scenarios.trials.pose_noise import PoseNoise
+from split_drake.objects.mug_shape import MugShape
+from split_drake.objects.mug_source import MugSource
+from split_drake.station.config import StationConfig
+
+if TYPE_CHECKING:
+    from scenarios.mug_hang import MugHangOptions
+
+
+@dataclass(frozen=True)
+class TrialSpec:
+    """Everything that determines a trial's outcome, and where it is recorded.
+
+    Attributes:
+        index: of the trial in its run.
+        seed: of everything that the trial draws.
+        mugs: that take turns by seed.
+        task: to be reached.
+        detector, planner, checkpoint, noise_m, record: as in MugHangOptions.
+        folder: of the run.
+        station: layout, contact and control.
+        mass_kg: of every mug, where not its own.
+        pose_noise: on the poses of the oracle.
+        feedback, check_plans: as in MugHangOptions.
+    """
+
+    index: int
+    seed: int
+    mugs: MugSource
+    task: Subgoal
+    detector: str
+    planner: str
+    checkpoint: Path | None
+    noise_m: float
+    record: str
+    folder: Path
+    station: StationConfig = field(default_factory=StationConfig)
+    mass_kg: float | None = None
+    pose_noise: PoseNoise = field(default_factory=PoseNoise)
+    feedback: bool = True
+    check_plans: bool = False
+
+    @classmethod
+    def of(cls, options: "MugHangOptions", index: int, folder: Path) -> Self:
+        """Return trial `index` of a run."""
+        return cls(
+            index=index,
+            seed=options.seed + index,
+            mugs=MugSource(options.mugs),
+            task=Subgoal(options.task),
+            detector=options.detector,
+            planner=options.planner,
+            checkpoint=options.checkpoint,
+            noise_m=options.noise_m,
+            record=options.record,
+            folder=folder,
+            pose_noise=options.pose_noise,
+            feedback=options.feedback,
+            check_plans=options.check_plans,
+        )
+
+    def mug_names(self) -> tuple[str, ...]:
+        """Return the source's mugs from this trial's on, each once."""
+        names = self.mugs.names()
+        first = self.seed % len(names)
+        return names[first:] + names[:first]
+
+    def load_mug(self, name: str) -> MugShape:
+        """Return a mug of the source, as heavy as this trial wants it."""
+        mug = self.mugs.load(name)
+        if self.mass_kg is None:
+            return mug
+        return replace(mug, body=mug.body.with_mass(self.mass_kg))

@@ -1,0 +1,216 @@
+"""One trial: draw a start, then perceive, plan, execute and judge."""
+
+import logging
+import time
+import traceback
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from planning.checking.checked_planner import CheckedPlanner
+from planning.execution.executor import Executor
+from planning.handling.attempts import Attempt, AttemptLimits, SequenceResult
+from planning.handling.sequencer import Sequencer
+from planning.planner import Planner
+from planning.problem import (
+    Plan,
+    PlanFailure,
+    PlanningProblem,
+    Segment,
+    SegmentName,
+    Stage,
+    Subgoal,
+)
+from scenarios.trials.detectors import make_detector
+from scenarios.trials.limit_log import LimitLog
+from scenarios.trials.records import SUCCESS, TrialRecord
+from scenarios.trials.setup import TrialGenerators, planner_named, set_up
+from scenarios.trials.spec import TrialSpec
+from scenarios.viewing.recording import TrialRecorder
+from split_drake.experiments.provenance import peak_memory_bytes
+from split_drake.objects.mug_shape import MugShape
+from split_drake.pose_set import PoseSet, save_pose_sets
+from split_drake.pose_task import PoseTask
+from split_drake.scene import Scene
+from split_drake.truth.verdicts import Verdict, hang_verdict, reorient_verdict
+
+
+def run_trial(spec: TrialSpec) -> TrialRecord:
+    """Run a trial.  One that throws is recorded as an error, with its traceback."""
+    logging.getLogger("drake").setLevel(logging.WARNING)
+    mug = spec.load_mug(spec.mug_names()[0])
+    try:
+        trial = _Trial(spec)
+        mug = trial.setup.mug
+        return trial.run()
+    except Exception as error:
+        failure = f"{type(error).__name__}: {error}"
+        return _failed_trial(spec, mug, failure, traceback.format_exc())
+
+
+def crashed_trial(spec: TrialSpec) -> TrialRecord:
+    """Return the record of a trial whose process died."""
+    mug = spec.load_mug(spec.mug_names()[0])
+    return _failed_trial(spec, mug, "the worker process died", None)
+
+
+def _failed_trial(spec: TrialSpec, mug: MugShape, reason: str, trace: str | None) -> TrialRecord:
+    return TrialRecord(
+        index=spec.index,
+        seed=spec.seed,
+        mug=mug.body.name,
+        mug_diameter_m=mug.outer_diameter_m,
+        mesh_sha256=spec.mugs.mesh_sha256(mug.body.name),
+        outcome=Stage.ERROR,
+        reason=reason,
+        traceback=trace,
+    )
+
+
+@dataclass(frozen=True)
+class _ShowingPlanner:
+    """A planner whose plans are drawn into a recording."""
+
+    planner: Planner
+    recorder: TrialRecorder
+
+    def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
+        outcome = self.planner.plan(problem, rng)
+        if isinstance(outcome, Plan):
+            self.recorder.show_plan(outcome, taking=problem.held_width_m is None)
+        return outcome
+
+
+class _Trial:
+    """The parts of a trial and what they draw their randomness from."""
+
+    def __init__(self, spec: TrialSpec) -> None:
+        self._spec = spec
+        self._rngs = TrialGenerators.of(spec.seed)
+        self._begun = time.monotonic()
+        self.setup = set_up(spec, self._rngs.start)
+        self._station, self._recorder = self.setup.station, self.setup.recorder
+        self._detector = make_detector(spec, self.setup)
+        self._wide_detector = make_detector(spec, self.setup, wide=True)
+        self._limits = LimitLog(self._station, self.setup.truth)
+        self._checked: CheckedPlanner | None = None
+        self._lifting = False
+        self._perceived: list[tuple[Scene, dict[PoseTask, PoseSet]]] = []
+
+    def run(self) -> TrialRecord:
+        if self._recorder:
+            self._recorder.start(self._station.time_s)
+        started_s, begun = self._station.time_s, time.monotonic()
+        result = self._sequence().run(self._spec.task, self._rngs.planner)
+        executed = time.monotonic()
+        verdict = self._judge(result)
+        judged = time.monotonic()
+        return TrialRecord(
+            index=self._spec.index,
+            seed=self._spec.seed,
+            mug=self.setup.mug.body.name,
+            mug_diameter_m=self.setup.mug.outer_diameter_m,
+            mesh_sha256=self._spec.mugs.mesh_sha256(self.setup.mug.body.name),
+            outcome=SUCCESS if verdict.success else result.stage or Stage.PLACEMENT,
+            reason=verdict.reason,
+            attempts=tuple(_attempt_record(attempt) for attempt in result.attempts),
+            redraws=dict(self.setup.redraws),
+            seconds={
+                "start": begun - self._begun,
+                "perception": result.perception_s,
+                "planning": result.planning_s,
+                "execution": result.execution_s,
+                "verdict": judged - executed,
+            },
+            simulated_s=self._station.time_s - started_s,
+            peaks=self._limits.peaks.rounded(),
+            memory_bytes=peak_memory_bytes(),
+            violations=self._violations(),
+            recording=self._save_recording(verdict),
+        )
+
+    def _sequence(self) -> Sequencer:
+        planner: Planner = planner_named(self._spec.planner)
+        if self._spec.check_plans:
+            planner = self._checked = CheckedPlanner(planner)
+        if self._recorder:
+            planner = _ShowingPlanner(planner, self._recorder)
+        on_step = self._on_step if self._recorder else None
+        executor = Executor(self._station, on_step, wary=self._spec.feedback)
+        limits = AttemptLimits() if self._spec.feedback else AttemptLimits.without_feedback()
+        return Sequencer(planner, self._perceive, executor, self._station.config.layout, limits)
+
+    def _violations(self) -> tuple[str, ...] | None:
+        if self._checked is None:
+            return None
+        return tuple(str(each) for each in self._checked.violations)
+
+    def _perceive(
+        self, tasks: Sequence[PoseTask], again: bool
+    ) -> tuple[Scene, dict[PoseTask, PoseSet]]:
+        layout = self._station.config.layout
+        clean = Scene.from_views(self._station.capture(), layout.workspace)
+        scene = clean.with_noise(self._spec.noise_m, self._rngs.noise)
+        pose_sets = self._detector.detect(scene, tasks, self._rngs.detector)
+        if again and PoseTask.GRASP in tasks:
+            # Places that an object can be put to gather for good reason: only grasps spread.
+            pose_sets |= self._wide_detector.detect(scene, [PoseTask.GRASP], self._rngs.detector)
+        self._perceived.append((scene, pose_sets))
+        if self._recorder:
+            self._recorder.show_perception(scene.p_WPs, pose_sets, self._station.time_s)
+        return scene, pose_sets
+
+    def _on_step(self, segment: Segment) -> None:
+        """Hide what was perceived once the object is moved."""
+        lifting = segment.name is SegmentName.LIFT
+        if self._recorder and lifting and not self._lifting:
+            self._recorder.hide_perception(self._station.time_s)
+        self._lifting = lifting
+
+    def _judge(self, result: SequenceResult) -> Verdict:
+        if not result.completed:
+            return Verdict(False, result.reason)
+        if self._spec.task is Subgoal.REORIENT:
+            return reorient_verdict(self._station, self.setup.truth)
+        execution = result.attempts[-1].execution
+        assert execution is not None  # the sequence was completed
+        released_s = self._station.time_s - execution.since_release_s
+        return hang_verdict(self._station, self.setup.truth, self.setup.mug, released_s)
+
+    def _save_recording(self, verdict: Verdict) -> str | None:
+        """Keep what was perceived and recorded where it is wanted; return the page's name."""
+        wanted = self._spec.record == "all" or not verdict.success
+        if self._recorder is None or not wanted:
+            return None
+        for number, (scene, pose_sets) in enumerate(self._perceived):
+            file = f"poses/{self._spec.index:03d}-{number}.npz"
+            save_pose_sets(self._spec.folder / file, pose_sets, scene.p_WPs)
+        name = f"recordings/{self._spec.index:03d}.html"
+        self._recorder.save(self._spec.folder / name)
+        return name
+
+
+def _attempt_record(attempt: Attempt) -> dict[str, Any]:
+    """Return what a record keeps of one planned and executed subgoal."""
+    stage, reason = attempt.failure
+    record: dict[str, Any] = {
+        "subgoal": str(attempt.subgoal),
+        "stage": str(stage or SUCCESS),
+        "reason": reason,
+        "recovery": attempt.recovery,
+        "poses": {str(task): len(found) for task, found in attempt.perception.pose_sets.items()},
+        "planning_s": round(attempt.planning_s, 3),
+        "search": dict(attempt.outcome.statistics),
+    }
+    if attempt.execution is not None:
+        record["segments"] = [asdict(log) for log in attempt.execution.logs]
+    if attempt.held is not None:
+        record["held"] = {
+            "shift_m": attempt.held.shift_m,
+            "turn_rad": attempt.held.turn_rad,
+            "matched": attempt.held.matched,
+            "rejected": attempt.held.rejected,
+        }
+    return record

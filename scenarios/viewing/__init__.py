@@ -1,0 +1,1 @@
+"""Recordings and pictures for the browser."""

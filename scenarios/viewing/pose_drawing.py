@@ -1,0 +1,76 @@
+"""Poses as coloured line segments, for any viewer."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from split_drake.pose_set import PoseSet
+from split_drake.pose_task import PoseTask
+from split_drake.poses import Array, transform_points
+from split_drake.robot.gripper import MAX_OPENING_M, PAD_SIZE_M
+
+_HALF, _TIP, _ROOT = MAX_OPENING_M / 2.0, PAD_SIZE_M[1] / 2.0, -0.045
+
+# Segments (S, 2, 3) in the pose's frame, metres.  Grasp: fingers, their base and the approach.
+_SKETCHES: dict[PoseTask, Array] = {
+    PoseTask.GRASP: np.array(
+        [
+            [[0, _HALF, _ROOT], [0, _HALF, _TIP]],
+            [[0, -_HALF, _ROOT], [0, -_HALF, _TIP]],
+            [[0, -_HALF, _ROOT], [0, _HALF, _ROOT]],
+            [[0, 0, _ROOT - 0.03], [0, 0, _ROOT]],
+        ]
+    ),
+    # Handle: the way of the peg, away from the body, and towards the rim.
+    PoseTask.HANDLE: np.array(
+        [
+            [[0, -0.03, 0], [0, 0.03, 0]],
+            [[0, 0, 0], [0.02, 0, 0]],
+            [[0, 0, 0], [0, 0, 0.012]],
+        ]
+    ),
+    # Upright: the axis from the base up, and the side of the handle.
+    PoseTask.UPRIGHT: np.array(
+        [
+            [[0, 0, 0], [0, 0, 0.06]],
+            [[0, 0, 0], [0.03, 0, 0]],
+            [[0, -0.01, 0], [0, 0.01, 0]],
+        ]
+    ),
+}
+
+# Score 0 to 1: red, amber, green, which stay apart in lightness for the colour-blind.
+_COLOR_STOPS = np.array([[0.70, 0.09, 0.17], [0.96, 0.73, 0.26], [0.10, 0.60, 0.31]])
+
+
+def score_color(score: float) -> tuple[float, float, float]:
+    """Return the RGB colour, each in [0, 1], of a score in [0, 1]."""
+    stops = np.linspace(0.0, 1.0, len(_COLOR_STOPS))
+    red, green, blue = (float(np.interp(score, stops, channel)) for channel in _COLOR_STOPS.T)
+    return red, green, blue
+
+
+def pose_segments(task: PoseTask, X_WPs: Array) -> Array:
+    """Return the sketches of poses (N, 4, 4) as segments (N * S, 2, 3) in W."""
+    sketch = _SKETCHES[task]
+    points = transform_points(np.reshape(X_WPs, (-1, 4, 4)), sketch.reshape(-1, 3))
+    return points.reshape(-1, 2, 3)
+
+
+@dataclass(frozen=True)
+class ColoredSegments:
+    """Segments (M, 2, 3) in W of one RGB colour."""
+
+    segments_W: Array
+    color: tuple[float, float, float]
+
+
+def score_bands(pose_set: PoseSet, bands: int = 5) -> Iterator[ColoredSegments]:
+    """Yield the poses grouped into `bands` equal ranges of score, each in its colour."""
+    indices = np.minimum((pose_set.scores * bands).astype(int), bands - 1)
+    for band in np.unique(indices):
+        yield ColoredSegments(
+            pose_segments(pose_set.task, pose_set.X_WPs[indices == band]),
+            score_color((band + 0.5) / bands),
+        )

@@ -1,0 +1,107 @@
+"""Recordings: what a trial looked like, as one HTML page that needs no server."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatParams, Rgba
+from pydrake.perception import BaseField, Fields, PointCloud
+
+from planning.problem import Plan, Subgoal
+from scenarios.viewing.pose_drawing import pose_segments, score_bands
+from split_drake.files import write_atomically
+from split_drake.pose_set import PoseSet
+from split_drake.pose_task import PoseTask
+from split_drake.poses import Array
+
+FRAMES_PER_SECOND = 20.0
+_CLOUD_RGB = (60, 90, 130)
+_GRASP_RGBA = Rgba(0.1, 0.3, 0.9)
+_GOAL_RGBA = Rgba(0.6, 0.1, 0.7)
+# More of a set than this hides the scene behind lines.
+_SHOWN_POSES = 40
+
+
+def _point_cloud(p_WPs: Array) -> PointCloud:
+    cloud = PointCloud(len(p_WPs), Fields(BaseField.kXYZs | BaseField.kRGBs))
+    cloud.mutable_xyzs()[:] = p_WPs.T
+    cloud.mutable_rgbs()[:] = np.array(_CLOUD_RGB, dtype=np.uint8)[:, None]
+    return cloud
+
+
+class TrialRecorder:
+    """Records a simulation together with what was perceived and planned.
+
+    The station publishes its motion to `meshcat`; times are the simulation's, in seconds.
+    """
+
+    def __init__(self) -> None:
+        self.meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
+        self._attempts = 0
+        self._start_s = 0.0
+
+    def start(self, time_s: float) -> None:
+        """Record from `time_s`, which is now, on."""
+        self._start_s = time_s
+        self.meshcat.SetCameraPose((1.05, 0.36, 0.62), (0.36, -0.17, 0.20))
+        for helper in ("/Grid", "/Axes"):
+            self.meshcat.SetProperty(helper, "visible", False)
+        self.meshcat.StartRecording(
+            frames_per_second=FRAMES_PER_SECOND, set_visualizations_while_recording=False
+        )
+
+    def show_perception(
+        self, p_WPs: Array, pose_sets: Mapping[PoseTask, PoseSet], time_s: float
+    ) -> None:
+        """Show a cloud (N, 3) and pose sets from `time_s` on, instead of what was shown before."""
+        if self._attempts:
+            self._set_visible("", False, time_s)
+        self._attempts += 1
+        self.meshcat.SetObject(f"{self._path}/seen/cloud", _point_cloud(p_WPs), point_size=0.0025)
+        for task, pose_set in pose_sets.items():
+            for band, colored in enumerate(score_bands(pose_set.head(_SHOWN_POSES))):
+                path = f"{self._path}/seen/{task}/band_{band}"
+                self._draw(path, colored.segments_W, Rgba(*colored.color))
+        for part in ("", "/seen"):
+            # Before its first key a property has that key's value.
+            if time_s > self._start_s:
+                self._set_visible(part, False, self._start_s)
+            self._set_visible(part, True, time_s)
+
+    def show_plan(self, plan: Plan, taking: bool = True) -> None:
+        """Show the chosen grasp, and where the hand and the placed frame shall end.
+
+        A plan that does not take the object leaves the grasp as it was shown.
+        """
+        placed = PoseTask.HANDLE if plan.subgoal is Subgoal.HANG else PoseTask.UPRIGHT
+        chosen = {
+            "grasp": (PoseTask.GRASP, plan.X_WGrasp, _GRASP_RGBA),
+            "grasp_at_goal": (PoseTask.GRASP, plan.X_WGplace, _GOAL_RGBA),
+            "goal": (placed, plan.X_WGoal, _GOAL_RGBA),
+        }
+        if not taking:
+            del chosen["grasp"]
+        for name, (task, X_WP, rgba) in chosen.items():
+            segments = pose_segments(task, X_WP)
+            self._draw(f"{self._path}/plan/{name}", segments, rgba, line_width=4.0)
+
+    def hide_perception(self, time_s: float) -> None:
+        """Hide cloud and pose sets from `time_s` on; the plan stays."""
+        self._set_visible("/seen", False, time_s)
+
+    def save(self, path: Path) -> None:
+        """Write the page, atomically."""
+        self.meshcat.StopRecording()
+        self.meshcat.PublishRecording()
+        write_atomically(path, self.meshcat.StaticHtml())
+
+    @property
+    def _path(self) -> str:
+        return f"/perception/{self._attempts}"
+
+    def _set_visible(self, part: str, visible: bool, time_s: float) -> None:
+        self.meshcat.SetProperty(self._path + part, "visible", visible, time_s)
+
+    def _draw(self, path: str, segments_W: Array, rgba: Rgba, line_width: float = 2.0) -> None:
+        start, end = (np.asfortranarray(segments_W[:, i].T) for i in (0, 1))
+        self.meshcat.SetLineSegments(path, start, end, line_width, rgba)

@@ -1,0 +1,1 @@
+"""How good a detector's poses are, measured without a robot."""

@@ -1,0 +1,115 @@
+"""Measure a checkpoint: ``python -m split_drake.evaluation.evaluate --mugs test --out runs/eval``.
+
+Scenes are drawn as the scenarios draw their starts.  `judgement`, `peg` and `coverage` say what
+counts as good, `evaluation` what is written.
+"""
+
+import os
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import tyro
+from rich.console import Console
+
+from split_drake.evaluation.evaluation import evaluate
+from split_drake.evaluation.scenes import EvalOptions
+from split_drake.evaluation.summary import calibration_table, metrics_table, mugs_table
+from split_drake.experiments.provenance import file_sha256
+from split_drake.split.checkpoint import (
+    CheckpointInfo,
+    default_weights,
+    load_checkpoint,
+    save_checkpoint,
+)
+from split_drake.split.detector import SamplerConfig, SplitDetector
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateConfig(EvalOptions):
+    """An evaluation.
+
+    Attributes:
+        out: folder to write scenes.jsonl, metrics.json and pictures to; one that holds a part of
+            this evaluation is completed.
+        checkpoint: weights; those of the project by default.
+        workers: processes, of one thread each.
+        ship: where to write a copy of the checkpoint that records the metrics; none by default.  It
+            must come from a known commit.
+        allow_dirty: ship it also where the source differed from that commit.
+        allow_training_data: evaluate also on the mugs that checkpoints are trained on.
+    """
+
+    out: Path
+    checkpoint: Path | None = None
+    workers: int = len(os.sched_getaffinity(0))
+    ship: Path | None = None
+    allow_dirty: bool = False
+    allow_training_data: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.workers < 1:
+            raise ValueError(f"workers is {self.workers}; expected at least 1")
+
+
+def require_shippable(info: CheckpointInfo, allow_dirty: bool) -> None:
+    """Exit where nobody could tell what source trained a checkpoint."""
+    for commit in (*info.earlier_commits, info.commit):
+        if commit == "unknown":
+            raise SystemExit("the checkpoint's commit is unknown: train it from a git checkout")
+        if commit.endswith("-dirty") and not allow_dirty:
+            raise SystemExit(
+                f"the checkpoint was trained by a source that differed from its commit, {commit}; "
+                "--allow-dirty ships it nevertheless"
+            )
+
+
+def require_unseen(mugs: str) -> None:
+    """Exit where the mugs are those that checkpoints are trained on."""
+    if mugs == "train":
+        raise SystemExit(
+            "checkpoints are trained on the mugs of the train split, which would say nothing of "
+            "other mugs; --allow-training-data evaluates on them nevertheless"
+        )
+
+
+def describe_detector(checkpoint: Path, info: CheckpointInfo) -> dict[str, Any]:
+    """Return what tells the detector with these weights and default settings from others."""
+    return {
+        "checkpoint_sha256": file_sha256(checkpoint),
+        "commit": info.commit,
+        "dataset_hash": info.dataset_hash,
+        "sampler": asdict(SamplerConfig()),
+    }
+
+
+def main(config: EvaluateConfig) -> None:
+    """Evaluate, print tables, and write what is asked for."""
+    console = Console()
+    checkpoint = config.checkpoint or default_weights()
+    network, info = load_checkpoint(checkpoint)
+    if config.ship is not None:
+        require_shippable(info, config.allow_dirty)
+    if not config.allow_training_data:
+        require_unseen(config.mugs)
+    metrics = evaluate(
+        partial(SplitDetector.from_checkpoint, checkpoint),
+        describe_detector(checkpoint, info),
+        config,
+        config.out,
+        config.workers,
+        console,
+    )
+    console.print(metrics_table(metrics), calibration_table(metrics))
+    if not config.of_split:
+        console.print(mugs_table(metrics))
+    console.print(f"median time of a detection on one thread: {metrics['median_detect_s']:.2f} s")
+    if config.ship is not None:
+        shown = {key: value for key, value in metrics.items() if key != "by_mug"}
+        save_checkpoint(config.ship, network, replace(info, metrics=shown))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(EvaluateConfig))

@@ -1,0 +1,87 @@
+"""Which detected poses are good, each compared with the truth of its scene.
+
+A handle or upright pose is good within 1 cm and 15 degrees of a true one, a grasp where it would
+hold the mug geometrically and the hand reaches it without hitting mug or table.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from split_drake.grasps.judge import GraspJudge, feasible
+from split_drake.poses import Array, invert_pose, rotation_error_rad
+
+GOOD_POSITION_M = 0.01
+GOOD_ROTATION_RAD = np.radians(15.0)
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """How poses (N) compare with equivalent true ones.
+
+    Attributes:
+        good: (N,) whether each is.
+        position_m, rotation_rad: (N,) errors to the nearest true pose.
+    """
+
+    good: NDArray[np.bool_]
+    position_m: Array
+    rotation_rad: Array
+
+
+@dataclass(frozen=True)
+class GraspJudgement:
+    """How grasps (N) fare geometrically, as the object lies.
+
+    Attributes:
+        good: (N,) whether each is reachable and holds.
+        reachable: (N,) whether the opened hand comes in from above and hits nothing.
+        openings_m: (N,) that it comes in with.
+    """
+
+    good: NDArray[np.bool_]
+    reachable: NDArray[np.bool_]
+    openings_m: Array
+
+
+def judge_poses(X_WPs: Array, X_WTruths: Array) -> Judgement:
+    """Compare poses (N, 4, 4) with equivalent true poses (M, 4, 4), each with the nearest."""
+    position = np.linalg.norm(X_WPs[:, None, :3, 3] - X_WTruths[None, :, :3, 3], axis=-1)
+    rotation = rotation_error_rad(X_WPs[:, None, :3, :3], X_WTruths[None, :, :3, :3])
+    good = (position < GOOD_POSITION_M) & (rotation < GOOD_ROTATION_RAD)
+    nearest = np.argmin(position / GOOD_POSITION_M + rotation / GOOD_ROTATION_RAD, axis=1)
+    rows = np.arange(len(X_WPs))
+    return Judgement(good.any(axis=1), position[rows, nearest], rotation[rows, nearest])
+
+
+def judge_grasps(X_WGs: Array, judge: GraspJudge, X_WO: Array) -> GraspJudgement:
+    """Check grasps (N, 4, 4) of the object of `judge`, at X_WO, geometrically."""
+    X_OGs = invert_pose(X_WO) @ X_WGs
+    check = judge.check(X_OGs)
+    clears = feasible(X_WO, X_OGs, check.openings_m)
+    return GraspJudgement(check.good & clears, ~check.collides & clears, check.openings_m)
+
+
+def direction_error_rad(d_As: Array, d_Bs: Array) -> Array:
+    """Return the angles in [0, pi] between unit vectors (..., 3); shapes broadcast."""
+    cosine = np.einsum("...i,...i->...", d_As, d_Bs)
+    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def line_error_rad(d_As: Array, d_Bs: Array) -> Array:
+    """Return the angles in [0, pi/2] between lines along unit vectors (..., 3)."""
+    error = direction_error_rad(d_As, d_Bs)
+    return np.minimum(error, np.pi - error)
+
+
+def yaw_error_rad(R_WA: Array, R_WB: Array) -> Array:
+    """Return the angles in [0, pi] by which rotations (..., 3, 3) differ about their own z.
+
+    It is the twist of R_AB = swing * twist: what is left once the shortest rotation has aligned the
+    z axes, so that it says nothing of how far those are apart.
+    """
+    R_AB = np.swapaxes(R_WA, -1, -2) @ R_WB
+    sine = R_AB[..., 1, 0] - R_AB[..., 0, 1]
+    cosine = R_AB[..., 0, 0] + R_AB[..., 1, 1]
+    return np.asarray(np.abs(np.arctan2(sine, cosine)))

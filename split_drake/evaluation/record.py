@@ -1,0 +1,124 @@
+"""What is kept of an evaluated scene: one JSON line each."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from split_drake.data.handle_points import VISIBLE_HANDLE_POINTS
+from split_drake.pose_task import PoseTask
+from split_drake.poses import Array
+
+
+@dataclass(frozen=True)
+class Scored:
+    """Scores of samples, and whether each is good.
+
+    Attributes:
+        scores: (N,) in [0, 1], to four decimals.
+        good: N times "1" or "0".
+    """
+
+    scores: tuple[float, ...]
+    good: str
+
+    @classmethod
+    def of(cls, scores: Array, good: NDArray[np.bool_]) -> Self:
+        """Return samples with scores (N,) that are `good` (N,) or not."""
+        return cls(
+            tuple(np.round(scores, 4).tolist()), "".join("1" if flag else "0" for flag in good)
+        )
+
+    @classmethod
+    def from_fields(cls, fields: dict[str, Any]) -> Self:
+        """Return the samples of which `fields` are the parsed JSON."""
+        return cls(tuple(fields["scores"]), fields["good"])
+
+    @property
+    def flags(self) -> NDArray[np.bool_]:
+        """(N,): whether each sample is good."""
+        return np.array([flag == "1" for flag in self.good], dtype=bool)
+
+
+@dataclass(frozen=True)
+class TaskRecord:
+    """A task in one scene.
+
+    Attributes:
+        checks: what the top-ranked sample, or the scene, passes, by name.
+        values: figures of the top-ranked sample, or of the scene, by name.
+        tallies: (hits, of how many) samples or true poses, by name.
+        samples: all of them, judged geometrically.
+        tried: those that were tried in physics; None where none were to be.
+    """
+
+    checks: Mapping[str, bool]
+    values: Mapping[str, float]
+    tallies: Mapping[str, tuple[int, int]]
+    samples: Scored
+    tried: Scored | None = None
+
+    @classmethod
+    def from_fields(cls, fields: dict[str, Any]) -> Self:
+        """Return the record of which `fields` are the parsed JSON."""
+        tried = fields["tried"]
+        return cls(
+            checks=fields["checks"],
+            values=fields["values"],
+            tallies={name: (hits, total) for name, (hits, total) in fields["tallies"].items()},
+            samples=Scored.from_fields(fields["samples"]),
+            tried=None if tried is None else Scored.from_fields(tried),
+        )
+
+
+@dataclass(frozen=True)
+class SceneRecord:
+    """What became of one scene.
+
+    Attributes:
+        index: of the scene, which with the seed says all about it.
+        mug: name of the shape.
+        handle_points: how many of the points without noise lie on the handle.
+        detect_s: wall time of the detection.
+        tasks: a record each.
+    """
+
+    index: int
+    mug: str
+    handle_points: int
+    detect_s: float
+    tasks: Mapping[PoseTask, TaskRecord]
+
+    @property
+    def handle_visible(self) -> bool:
+        return self.handle_points >= VISIBLE_HANDLE_POINTS
+
+    def to_json(self) -> str:
+        """Return one line of JSON without a line break."""
+        return json.dumps(asdict(self), separators=(",", ":"))
+
+    @classmethod
+    def from_json(cls, line: str) -> Self:
+        """Return the record written by `to_json`."""
+        fields = json.loads(line)
+        tasks = {PoseTask(t): TaskRecord.from_fields(f) for t, f in fields.pop("tasks").items()}
+        return cls(**fields, tasks=tasks)
+
+
+def read_records(path: Path) -> list[SceneRecord]:
+    """Return the records of a file, a line each; [] where there is no file.
+
+    A last line that a kill cut off is taken out of the file.
+    """
+    if not path.exists():
+        return []
+    text = path.read_text()
+    whole = text[: text.rfind("\n") + 1]
+    if whole != text:
+        with path.open("r+") as file:
+            file.truncate(len(whole.encode()))
+    return [SceneRecord.from_json(line) for line in whole.splitlines()]

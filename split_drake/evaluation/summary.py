@@ -1,0 +1,184 @@
+"""What the records of an evaluation come to: figures by task and by whether the handle shows."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from rich.table import Column, Table
+from scipy.stats import binomtest
+
+from split_drake.evaluation.calibration import area_under_curve, reliability
+from split_drake.evaluation.record import SceneRecord, Scored, TaskRecord
+from split_drake.pose_task import PoseTask
+from split_drake.split.network import TASKS
+
+Figures = dict[str, Any]
+
+
+def share(flags: Sequence[bool]) -> Figures | None:
+    """Return share, counts and Wilson's 95% interval of scenes with a flag; None without scenes."""
+    if not flags:
+        return None
+    hits = sum(flags)
+    interval = binomtest(hits, len(flags)).proportion_ci(0.95, method="wilson")
+    return {
+        "share": hits / len(flags),
+        "hits": hits,
+        "scenes": len(flags),
+        "wilson95": [float(interval.low), float(interval.high)],
+    }
+
+
+def pooled(tallies: Sequence[tuple[int, int]]) -> Figures | None:
+    """Return the share of all that was counted; None where nothing was.
+
+    It has no interval, since what is counted within a scene is not independent.
+    """
+    hits, total = (sum(column) for column in zip(*tallies, strict=True)) if tallies else (0, 0)
+    return {"share": hits / total, "hits": hits, "of": total} if total else None
+
+
+def groups(records: Sequence[SceneRecord]) -> dict[str, list[SceneRecord]]:
+    """Return all records, those of scenes that show the handle, and those that don't."""
+    return {
+        "all": list(records),
+        "visible": [record for record in records if record.handle_visible],
+        "hidden": [record for record in records if not record.handle_visible],
+    }
+
+
+def _names(records: Sequence[TaskRecord], kind: str) -> list[str]:
+    """Return the names of the records' `kind`, in order of appearance."""
+    return list(dict.fromkeys(name for record in records for name in getattr(record, kind)))
+
+
+def calibration(samples: Sequence[Scored]) -> Figures | None:
+    """Return AUC, expected calibration error and reliability by bins; None without samples."""
+    scores = np.concatenate([scored.scores for scored in samples]) if samples else np.zeros(0)
+    if not len(scores):
+        return None
+    good = np.concatenate([scored.flags for scored in samples])
+    bins = reliability(scores, good)
+    filled = bins.counts > 0
+    area = area_under_curve(scores, good)
+    return {
+        "samples": len(scores),
+        "auc": None if np.isnan(area) else area,
+        "expected_error": bins.expected_error,
+        "bins": {
+            "counts": bins.counts[filled].tolist(),
+            "scores": bins.scores[filled].tolist(),
+            "shares": bins.shares[filled].tolist(),
+        },
+    }
+
+
+def summarize_task(records: Sequence[SceneRecord], task: PoseTask) -> Figures:
+    """Return {measure: {group: figures}} of a task, and the evaluator's calibration.
+
+    Shares are of scenes, unless they are pooled over samples or true poses; values are medians over
+    scenes.
+    """
+    by_group = {
+        group: [record.tasks[task] for record in members]
+        for group, members in groups(records).items()
+    }
+    everything = by_group["all"]
+    figures: Figures = {}
+    for name in _names(everything, "checks"):
+        figures[name] = {
+            group: share([r.checks[name] for r in members if name in r.checks])
+            for group, members in by_group.items()
+        }
+    for name in _names(everything, "values"):
+        figures[f"median_{name}"] = {
+            group: float(np.median([r.values[name] for r in members])) if members else None
+            for group, members in by_group.items()
+        }
+    for name in _names(everything, "tallies"):
+        figures[name] = {
+            group: pooled([r.tallies[name] for r in members if name in r.tallies])
+            for group, members in by_group.items()
+        }
+    figures["calibration"] = calibration([r.samples for r in everything])
+    figures["calibration_in_physics"] = calibration([r.tried for r in everything if r.tried])
+    return figures
+
+
+def summarize(records: Sequence[SceneRecord]) -> Figures:
+    """Return the metrics of all tasks over at least one scene."""
+    by_mug: dict[str, list[SceneRecord]] = {}
+    for record in records:
+        by_mug.setdefault(record.mug, []).append(record)
+    return {
+        **{str(task): summarize_task(records, task) for task in TASKS},
+        "scenes": {group: len(members) for group, members in groups(records).items()},
+        "median_detect_s": float(np.median([record.detect_s for record in records])),
+        "by_mug": {name: _of_mug(members) for name, members in sorted(by_mug.items())},
+    }
+
+
+def _of_mug(records: Sequence[SceneRecord]) -> Figures:
+    """Return {task: {check: {group: share}}} of one mug."""
+    figures: Figures = {}
+    for task in TASKS:
+        everything = summarize_task(records, task)
+        checks = _names([record.tasks[task] for record in records], "checks")
+        figures[str(task)] = {name: everything[name] for name in checks}
+    return figures
+
+
+def format_figure(figure: Any) -> str:
+    """Return a figure as a table shows it."""
+    if figure is None:
+        return "-"
+    if not isinstance(figure, Mapping):
+        return f"{figure:.2f}"
+    if "wilson95" not in figure:
+        return f"{figure['share']:.1%}  {figure['hits']}/{figure['of']}"
+    low, high = (100.0 * end for end in figure["wilson95"])
+    return f"{figure['share']:.1%} [{low:.1f}, {high:.1f}]  {figure['hits']}/{figure['scenes']}"
+
+
+def metrics_table(metrics: Mapping[str, Any]) -> Table:
+    """Return the metrics as a table with a column for each group of scenes."""
+    scenes = metrics["scenes"]
+    table = Table(Column("", no_wrap=True), *(f"{scenes[group]} {group}" for group in scenes))
+    for task in TASKS:
+        table.add_section()
+        for name, figures in metrics[str(task)].items():
+            if name.startswith("calibration"):
+                continue
+            cells = (format_figure(figures[group]) for group in scenes)
+            table.add_row(f"{task} {name}", *cells)
+    return table
+
+
+def calibration_table(metrics: Mapping[str, Any]) -> Table:
+    """Return how well the evaluator's scores tell good samples, a row a task."""
+    table = Table("evaluator", "samples", "AUC", "expected calibration error")
+    for task in TASKS:
+        for name in ("calibration", "calibration_in_physics"):
+            figures = metrics[str(task)][name]
+            if figures is not None:
+                label = f"{task}, in physics" if name.endswith("physics") else str(task)
+                auc, error = format_figure(figures["auc"]), f"{figures['expected_error']:.3f}"
+                table.add_row(label, str(figures["samples"]), auc, error)
+    return table
+
+
+MUG_COLUMNS = (
+    (PoseTask.HANDLE, "top_good", "visible"),
+    (PoseTask.HANDLE, "peg_clear_axis", "visible"),
+    (PoseTask.UPRIGHT, "axis_good", "all"),
+    (PoseTask.GRASP, "top_good", "all"),
+)
+
+
+def mugs_table(metrics: Mapping[str, Any]) -> Table:
+    """Return the main shares of each mug."""
+    table = Table("mug", *(f"{task} {name}, {group}" for task, name, group in MUG_COLUMNS))
+    for mug, figures in metrics["by_mug"].items():
+        cells = [figures[str(task)][name][group] for task, name, group in MUG_COLUMNS]
+        table.add_row(mug, *map(format_figure, cells))
+    return table

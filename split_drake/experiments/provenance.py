@@ -1,0 +1,69 @@
+"""What a run was made with: versions, commit, checkpoint, memory."""
+
+import hashlib
+import json
+import platform
+import resource
+import subprocess
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+_PACKAGES = ("drake", "torch", "numpy", "trimesh", "ompl")
+_ROOT = Path(__file__).parents[2]
+_SOURCES = ("split_drake", "planning", "models", "scenarios")
+_SUFFIXES = (".py", ".urdf", ".json", ".npz")
+
+
+def code_version() -> dict[str, Any]:
+    """Return what says which code made a run: its commit, a checksum of it, and versions."""
+    return {
+        "commit": git_commit(),
+        "code_sha256": code_sha256(),
+        "versions": package_versions(),
+    }
+
+
+def package_versions() -> dict[str, str]:
+    """Return {package: version} of what results depend on, Python among them."""
+    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
+
+
+def git_commit() -> str | None:
+    """Return the source tree's commit, "-dirty" appended where changed; None without git."""
+    if not (_ROOT / ".git").exists():
+        return None
+    command = ["git", "describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"]
+    run = subprocess.run(command, cwd=_ROOT, capture_output=True, text=True, check=False)
+    return run.stdout.strip() if run.returncode == 0 else None
+
+
+def code_sha256() -> str:
+    """Return a checksum of modules, robot, mugs and regions, edited or unknown to git as they are.
+
+    Weights and problems are named beside it by the runs that they matter to.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(path for package in _SOURCES for path in (_ROOT / package).rglob("*")):
+        name = path.relative_to(_ROOT)
+        if path.suffix in _SUFFIXES and "problems" not in name.parts:
+            digest.update(f"{name}\0".encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def peak_memory_bytes() -> int:
+    """Return the most memory that this process has had resident."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def file_sha256(path: Path) -> str:
+    """Return the hexadecimal SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def combined_sha256(shard_hashes: dict[str, str]) -> str:
+    """Return the hash of a dataset, given that of each shard."""
+    text = json.dumps(shard_hashes, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()

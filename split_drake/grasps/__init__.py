@@ -1,0 +1,1 @@
+"""Grasps of an object, sampled, judged, and tried in a free hand."""

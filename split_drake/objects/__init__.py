@@ -1,0 +1,1 @@
+"""What stands on the table: rigid bodies, and the shapes that tasks ask about."""

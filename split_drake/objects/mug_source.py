@@ -1,0 +1,63 @@
+"""Where a run's mugs come from: a fixed split, or a folder of mesh files."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import get_args
+
+from split_drake.experiments.provenance import file_sha256
+from split_drake.objects.mug_shape import MugShape
+from split_drake.objects.mugs.split import Split, load_mug, mug_names
+from split_drake.objects.scanned.files import load_mug_file, mug_files
+
+SPLITS: tuple[Split, ...] = get_args(Split)
+
+
+@dataclass(frozen=True)
+class MugSource:
+    """Mugs by name.
+
+    Attributes:
+        where: "test" or "train", the fixed splits, or a folder of upright mesh files in metres.
+
+    Raises ValueError where it is neither.
+    """
+
+    where: str
+
+    def __post_init__(self) -> None:
+        if self.where not in SPLITS and not Path(self.where).is_dir():
+            raise ValueError(
+                f"mugs are {self.where!r}; expected {', '.join(SPLITS)}, or a folder of mesh files"
+            )
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder of mesh files; None for a fixed split."""
+        return None if self.where in SPLITS else Path(self.where)
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all mugs, in a fixed order."""
+        if self.folder is not None:
+            return tuple(_files(self.folder))
+        return mug_names("test" if self.where == "test" else "train")
+
+    def load(self, name: str) -> MugShape:
+        """Return the mug `name`; raise InvalidMugError where its mesh is no mug."""
+        if self.folder is not None:
+            return _from_file(_files(self.folder)[name], name)
+        return load_mug(name)
+
+    def mesh_sha256(self, name: str) -> str | None:
+        """Return the SHA-256 of a mug's mesh file; None for the mugs of a fixed split."""
+        return None if self.folder is None else file_sha256(_files(self.folder)[name])
+
+
+@lru_cache(maxsize=1)
+def _files(folder: Path) -> dict[str, Path]:
+    return mug_files(folder)
+
+
+@lru_cache(maxsize=64)
+def _from_file(path: Path, name: str) -> MugShape:
+    return load_mug_file(path, name)

@@ -1,0 +1,1 @@
+"""Mugs drawn from parameters."""

@@ -1,0 +1,111 @@
+"""Mugs by name: building shapes from parameters, and the fixed split into train and test.
+
+``python -m split_drake.objects.mugs.split`` writes ``models/mugs/{train,test}.json``, the parameter
+sets that ``load_mug("train_017")`` builds a mug from.
+"""
+
+import hashlib
+import json
+from collections import Counter
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+import tyro
+from rich import print
+
+from split_drake.files import write_json
+from split_drake.objects.mug_shape import InvalidMugError, MugShape
+from split_drake.objects.mugs.build import build_mug
+from split_drake.objects.mugs.parameters import MugParameters, sample_parameters
+
+Split = Literal["train", "test"]
+
+
+def _split_text(split: str) -> str:
+    if split not in get_args(Split):
+        raise ValueError(f"split is {split!r}; expected one of {get_args(Split)}")
+    return resources.files("models").joinpath("mugs", f"{split}.json").read_text()
+
+
+@lru_cache(maxsize=2)
+def _read_split(split: str) -> tuple[MugParameters, ...]:
+    return tuple(MugParameters(**entry) for entry in json.loads(_split_text(split))["mugs"])
+
+
+def mugs_sha256(split: Split) -> str:
+    """Return the SHA-256 of the split's parameters: what is derived from the mugs records it."""
+    return hashlib.sha256(_split_text(split).encode()).hexdigest()
+
+
+def mug_names(split: Split) -> tuple[str, ...]:
+    """Return the names of the split's mugs, such as "train_017"."""
+    return tuple(f"{split}_{i:03d}" for i in range(len(_read_split(split))))
+
+
+def mug_parameters(name: str) -> MugParameters:
+    """Return the parameters of the mug `name`; raise ValueError where there is none."""
+    split, _, number = name.partition("_")
+    mugs = _read_split(split) if split in get_args(Split) else ()
+    if not number.isdecimal() or int(number) >= len(mugs):
+        raise ValueError(f"no mug is called {name!r}; expected train_000 or test_000 and so on")
+    return mugs[int(number)]
+
+
+def load_mug(name: str) -> MugShape:
+    """Return the mug `name` of the fixed split."""
+    return build_mug(name, mug_parameters(name))
+
+
+def draw_mugs(
+    count: int, rng: np.random.Generator
+) -> tuple[tuple[MugParameters, ...], Counter[str]]:
+    """Return `count` valid parameter sets, and how many draws were rejected for which reason."""
+    drawn: list[MugParameters] = []
+    rejected: Counter[str] = Counter()
+    while len(drawn) < count:
+        parameters = sample_parameters(rng)
+        try:
+            build_mug("draft", parameters)
+        except InvalidMugError as error:
+            rejected[str(error).split(":")[0]] += 1
+        else:
+            drawn.append(parameters)
+    return tuple(drawn), rejected
+
+
+@dataclass(frozen=True)
+class SplitConfig:
+    """Draws the mugs that the project trains and tests on.
+
+    Attributes:
+        out: folder to write train.json and test.json to.
+        train: shapes for training.
+        test: shapes for testing.
+        seed: of the draws; both sets come from one stream, so they differ in all parameters.
+    """
+
+    out: Path = Path("models/mugs")
+    train: int = 200
+    test: int = 40
+    seed: int = 0
+
+
+def write_split(config: SplitConfig) -> None:
+    """Draw the split, write it, and print the share of draws that were rejected."""
+    mugs, rejected = draw_mugs(config.train + config.test, np.random.default_rng(config.seed))
+    config.out.mkdir(parents=True, exist_ok=True)
+    for split, chosen in (("train", mugs[: config.train]), ("test", mugs[config.train :])):
+        content = {"seed": config.seed, "mugs": [asdict(parameters) for parameters in chosen]}
+        write_json(config.out / f"{split}.json", content)
+    draws = len(mugs) + rejected.total()
+    print(f"{len(mugs)} mugs from {draws} draws, {rejected.total() / draws:.0%} rejected:")
+    for reason, count in rejected.most_common():
+        print(f"  {count / draws:6.1%}  {reason}")
+
+
+if __name__ == "__main__":
+    write_split(tyro.cli(SplitConfig))

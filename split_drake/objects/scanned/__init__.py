@@ -1,0 +1,1 @@
+"""Mugs measured from mesh files."""

@@ -1,0 +1,85 @@
+"""The profile of a mug's body, measured on its mesh: radii inside and outside, and the floor."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from split_drake.objects.mug_shape import InvalidMugError
+from split_drake.objects.ray_caster import RayCaster
+from split_drake.objects.scanned.frame import outer_radii
+from split_drake.poses import Array
+
+# The handle, towards +x of O, does not reach around the body further than this.
+HANDLE_AZIMUTH_RAD = np.radians(60.0)
+# A cavity's floor must lie below this share of the height.
+MAX_FLOOR = 0.5
+
+_ROWS = 60
+_AZIMUTHS = 60
+# Heights keep this far from base and rim, where edges are rounded.
+_EDGE_M = 0.0015
+
+
+@dataclass(frozen=True)
+class BodyProfile:
+    """A body of revolution about z of O.
+
+    Attributes:
+        heights_m: (N,) increasing, from just above the base to just below the rim.
+        outer_m: (N,) outer radius there.
+        wall_m: (N,) thickness of the wall, measured level; below the floor that of the wall there.
+        floor_m: height of the cavity's floor.
+        height_m: of the rim.
+    """
+
+    heights_m: Array
+    outer_m: Array
+    wall_m: Array
+    floor_m: float
+    height_m: float
+
+    def outer_radius_m(self, z: Array) -> Array:
+        """Return the outer radius at heights `z`, shape for shape."""
+        return np.interp(z, self.heights_m, self.outer_m)
+
+
+def measure_profile(mesh: trimesh.Trimesh) -> BodyProfile:
+    """Return the profile of a mug's mesh, given in O; medians over all sides but the handle's.
+
+    Raises InvalidMugError where the mesh has no cavity that is open at the top.
+    """
+    caster, height = RayCaster(mesh), float(mesh.bounds[1, 2])
+    floor = _floor_height(caster, height)
+    heights = np.linspace(_EDGE_M, height - _EDGE_M, _ROWS)
+    azimuths = np.linspace(HANDLE_AZIMUTH_RAD, 2.0 * np.pi - HANDLE_AZIMUTH_RAD, _AZIMUTHS)
+    outer = np.nanmedian(outer_radii(caster, np.zeros(2), heights, azimuths), axis=1)
+    inside = heights > floor + _EDGE_M
+    inner = np.median(_inner_radii(caster, heights[inside], azimuths), axis=1)
+    level = outer[inside] - inner
+    # Of the wall's thickness within the base nothing can be seen; it goes on as above.
+    wall = np.interp(heights, heights[inside], level)
+    return BodyProfile(heights, outer, wall, floor, height)
+
+
+def _floor_height(caster: RayCaster, height_m: float) -> float:
+    """Return the height of the cavity's floor, by rays that fall about the axis."""
+    x, y = (grid.ravel() for grid in np.meshgrid([-0.005, 0.0, 0.005], [-0.005, 0.0, 0.005]))
+    above = np.column_stack([x, y, np.full_like(x, 2.0 * height_m)])
+    fallen, _ = caster.cast(above, np.broadcast_to((0.0, 0.0, -1.0), above.shape))
+    floor = 2.0 * height_m - float(np.median(fallen))
+    if not 0.0 <= floor < MAX_FLOOR * height_m:
+        raise InvalidMugError(
+            f"no cavity that opens upwards: from above one meets the mesh at {floor:.4f} m, "
+            f"expected 0 to {MAX_FLOOR * height_m:.4f} m"
+        )
+    return floor
+
+
+def _inner_radii(caster: RayCaster, heights_m: Array, azimuths_rad: Array) -> Array:
+    """Return (H, A) distances from the axis to the inside of the wall; inf: nothing met."""
+    z, azimuth = np.meshgrid(heights_m, azimuths_rad, indexing="ij")
+    outward = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(z)], axis=-1)
+    p_OStarts = np.column_stack([np.zeros((z.size, 2)), z.ravel()])
+    distances, _ = caster.cast(p_OStarts, outward.reshape(-1, 3))
+    return distances.reshape(z.shape).astype(float)

@@ -1,0 +1,1 @@
+"""The Panda: its model in a plant, its hand, limits, kinematics and commands."""

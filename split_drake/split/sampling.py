@@ -1,0 +1,212 @@
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+from split_drake.split.diffusion import NoiseSchedule, displacement, move
+
+# (poses (..., 4, 4), sigma) -> sigma * score (..., 6) in the poses' own frames.
+ScoreFunction = Callable[[Tensor, float], Tensor]
+# Called with (step, poses before the step), and at the end with (steps, poses that are returned).
+StepCallback = Callable[[int, Tensor], None]
+# Positions (..., 3) in V, metres, to where the score is defined: inside the scene.
+Confine = Callable[[Tensor], Tensor]
+
+
+class Integrator(Protocol):
+    """Takes poses to samples of the density whose score it is given."""
+
+    def __call__(
+        self,
+        score: ScoreFunction,
+        X: Tensor,
+        schedule: NoiseSchedule,
+        generator: torch.Generator,
+        confine: Confine,
+        callback: StepCallback,
+    ) -> Tensor:
+        """Return samples (..., 4, 4) reached from the poses `X` (..., 4, 4).
+
+        Args:
+            schedule: the noise levels that `score` was trained for.
+            generator: the only source of chance.
+            confine: applied to the positions after each step.
+            callback: sees the poses before each step, and those returned.
+        """
+
+
+def advance(X: Tensor, xi: Tensor, schedule: NoiseSchedule, confine: Confine) -> Tensor:
+    """Return the poses `X` (..., 4, 4) moved by `xi` (..., 6), and confined."""
+    X = move(X, xi, schedule.length_m)
+    X[..., :3, 3] = confine(X[..., :3, 3])
+    return X
+
+
+@dataclass(frozen=True)
+class LangevinConfig:
+    """Annealed Langevin dynamics.
+
+    Attributes:
+        steps: noisy steps, one for each sigma from the schedule's largest to its smallest.
+        step_scale: alpha / sigma^2 of the paper's step; 2 leads to the mean that the score points
+            at, and a little more makes up for few steps.
+        temperature: factor on the injected noise; 1 samples the learned density, less favours its
+            modes.
+        final_steps: noise-free steps at the end, each to the mean that the score points at.
+        final_sigma: noise level of those steps, within the schedule that the network was trained
+            for (`annealed_langevin` checks it).
+    """
+
+    steps: int = 15
+    step_scale: float = 2.2
+    temperature: float = 0.2
+    final_steps: int = 1
+    final_sigma: float = 0.06
+
+    def __post_init__(self) -> None:
+        if self.steps < 1 or self.final_steps < 0:
+            raise ValueError(
+                f"steps={self.steps}, final_steps={self.final_steps}; expected at least 1 and 0"
+            )
+        if self.step_scale <= 0.0 or self.temperature < 0.0 or self.final_sigma <= 0.0:
+            raise ValueError(
+                f"step_scale={self.step_scale}, temperature={self.temperature}, "
+                f"final_sigma={self.final_sigma}; expected > 0, >= 0 and > 0"
+            )
+
+
+def annealed_langevin(
+    score: ScoreFunction,
+    X: Tensor,
+    schedule: NoiseSchedule,
+    generator: torch.Generator,
+    confine: Confine,
+    callback: StepCallback,
+    *,
+    config: LangevinConfig,
+) -> Tensor:
+    """Integrate the dynamics of paper IV-D: an `Integrator` with `config` given.
+
+    A step is X Exp(alpha/2 score + sqrt(alpha) noise) with alpha = step_scale * sigma^2.  `score`
+    returns sigma * score, so that alpha/2 score = step_scale/2 * sigma * score(...).
+
+    Raises ValueError where the final steps are at a noise level outside the schedule.
+    """
+    if config.final_steps and not schedule.sigma_min <= config.final_sigma <= schedule.sigma_max:
+        raise ValueError(
+            f"final_sigma is {config.final_sigma}; the score was trained for noise from "
+            f"{schedule.sigma_min} to {schedule.sigma_max}"
+        )
+    sigmas = schedule.descending(config.steps) + [config.final_sigma] * config.final_steps
+    for step, sigma in enumerate(sigmas):
+        callback(step, X)
+        xi = sigma * score(X, sigma)
+        if step < config.steps:
+            noise = torch.randn(xi.shape, generator=generator, device=generator.device)
+            spread = config.temperature * math.sqrt(config.step_scale) * sigma
+            xi = 0.5 * config.step_scale * xi + spread * noise.to(xi)
+        X = advance(X, xi, schedule, confine)
+    callback(len(sigmas), X)
+    return X
+
+
+def _levels(schedule: NoiseSchedule, steps: int) -> list[tuple[float, float]]:
+    """Return the noise levels before and after each of `steps` steps; the last leads to 0."""
+    return list(pairwise([*schedule.descending(steps), 0.0]))
+
+
+def _in_frame_of(X: Tensor, X_moved: Tensor, xi: Tensor) -> Tensor:
+    """Return motions (..., 6) of the poses `X_moved`, given in their frames, in those of `X`."""
+    R = X[..., :3, :3].mT @ X_moved[..., :3, :3]
+    return (R @ xi.unflatten(-1, (2, 3)).mT).mT.flatten(-2)
+
+
+def heun(
+    score: ScoreFunction,
+    X: Tensor,
+    schedule: NoiseSchedule,
+    generator: torch.Generator,
+    confine: Confine,
+    callback: StepCallback,
+    *,
+    steps: int,
+) -> Tensor:
+    """Integrate the probability flow dX = -sigma score dsigma by Heun's method.
+
+    2 * steps - 1 evaluations; algorithm 1 of Karras et al., "Elucidating the design space of
+    diffusion-based generative models" (2022), without its optional noise.
+    """
+    for step, (sigma, following) in enumerate(_levels(schedule, steps)):
+        callback(step, X)
+        velocity = score(X, sigma)
+        tried = advance(X, (sigma - following) * velocity, schedule, confine)
+        if following > 0.0:
+            there = _in_frame_of(X, tried, score(tried, following))
+            mean = 0.5 * (velocity + there)
+            tried = advance(X, (sigma - following) * mean, schedule, confine)
+        X = tried
+    callback(steps, X)
+    return X
+
+
+def multistep(
+    score: ScoreFunction,
+    X: Tensor,
+    schedule: NoiseSchedule,
+    generator: torch.Generator,
+    confine: Confine,
+    callback: StepCallback,
+    *,
+    steps: int,
+) -> Tensor:
+    """Integrate the probability flow by an exponential integrator in log sigma.
+
+    `steps` evaluations; DPM-Solver++(2M) of Lu et al. (2022): the mean that the score points at is
+    extrapolated linearly from the last two, which are equally far apart in log sigma.
+    """
+    last: Tensor | None = None
+    for step, (sigma, following) in enumerate(_levels(schedule, steps)):
+        callback(step, X)
+        mean = move(X, sigma * score(X, sigma), schedule.length_m)
+        goal = mean
+        if last is not None and following > 0.0:
+            change = displacement(last, mean, schedule.length_m)
+            goal = move(mean, 0.5 * change, schedule.length_m)
+        towards = -displacement(goal, X, schedule.length_m)
+        X = advance(X, (1.0 - following / sigma) * towards, schedule, confine)
+        last = mean
+    callback(steps, X)
+    return X
+
+
+def predictor_corrector(
+    score: ScoreFunction,
+    X: Tensor,
+    schedule: NoiseSchedule,
+    generator: torch.Generator,
+    confine: Confine,
+    callback: StepCallback,
+    *,
+    steps: int,
+    temperature: float,
+) -> Tensor:
+    """Alternate a step of the probability flow (Euler) and one of Langevin dynamics.
+
+    2 * steps - 1 evaluations; after Song et al., "Score-based generative modeling through
+    stochastic differential equations" (2021).  The Langevin step, with alpha = sigma^2, is that of
+    paper IV-D; its noise is scaled by `temperature`.
+    """
+    for step, (sigma, following) in enumerate(_levels(schedule, steps)):
+        callback(step, X)
+        X = advance(X, (sigma - following) * score(X, sigma), schedule, confine)
+        if following > 0.0:
+            drift = 0.5 * score(X, following)
+            noise = torch.randn(drift.shape, generator=generator, device=generator.device)
+            xi = following * (drift + temperature * noise.to(drift))
+            X = advance(X, xi, schedule, confine)
+    callback(steps, X)
+    return X

@@ -1,0 +1,1 @@
+"""The simulated table, with its robot and depth cameras."""

@@ -1,0 +1,63 @@
+"""What a station is made of, as numbers; the defaults are those the project was measured with."""
+
+from dataclasses import dataclass, field, fields
+from typing import Literal, get_args
+
+from split_drake.station.layout import Layout
+
+ContactModel = Literal["point", "hydroelastic_with_fallback"]
+ContactApproximation = Literal["sap", "similar", "lagged"]
+
+
+@dataclass(frozen=True)
+class StationConfig:
+    """Layout, contact model and control of a station.
+
+    Attributes:
+        layout: where cameras, table and hook stand.
+        time_step_s: of the discrete plant.
+        contact_model: point contact; or hydroelastic contact of compliant pads with everything
+            else, which is rigid, and point contact elsewhere.
+        contact_approximation: of Drake's discrete contact solver.
+        friction: Coulomb coefficient of every pair of surfaces.
+        dissipation_s_per_m: Hunt-Crossley dissipation of every surface.
+        point_stiffness_n_per_m: of the point contact; a tenth of the default lets held mugs slip.
+        relaxation_time_s: of SAP's linear dissipation; 0.1 lets held mugs slip.
+        pad_modulus_pa: of the pads in hydroelastic contact.
+        arm_kp_nm_per_rad, arm_kd_nms_per_rad: implicit PD gains of the seven arm joints.
+        finger_kp_n_per_m, finger_kd_ns_per_m: implicit PD gains of each finger.
+        meshcat_rate_hz: how often a station with a Meshcat publishes to it.
+
+    Raises ValueError where a number is not positive, a joint's gain is missing, or a contact model
+    is unknown.
+    """
+
+    layout: Layout = field(default_factory=Layout)
+    time_step_s: float = 0.002
+    contact_model: ContactModel = "point"
+    contact_approximation: ContactApproximation = "sap"
+    friction: float = 0.8
+    dissipation_s_per_m: float = 10.0
+    point_stiffness_n_per_m: float = 1e5
+    relaxation_time_s: float = 0.02
+    pad_modulus_pa: float = 1e7
+    arm_kp_nm_per_rad: tuple[float, ...] = (3000.0, 3000.0, 3000.0, 3000.0, 1500.0, 1500.0, 1000.0)
+    arm_kd_nms_per_rad: tuple[float, ...] = (150.0, 150.0, 150.0, 150.0, 60.0, 60.0, 40.0)
+    finger_kp_n_per_m: float = 4000.0
+    finger_kd_ns_per_m: float = 80.0
+    meshcat_rate_hz: float = 30.0
+
+    def __post_init__(self) -> None:
+        for name, kinds in (
+            ("contact_model", get_args(ContactModel)),
+            ("contact_approximation", get_args(ContactApproximation)),
+        ):
+            if getattr(self, name) not in kinds:
+                raise ValueError(f"{name} is {getattr(self, name)!r}; expected one of {kinds}")
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if isinstance(value, tuple):
+                if len(value) != 7 or not min(value) > 0.0:
+                    raise ValueError(f"{entry.name} is {value}; expected seven positive numbers")
+            elif isinstance(value, (int, float)) and not value > 0.0:
+                raise ValueError(f"{entry.name} is {value}; expected a positive number")

@@ -1,0 +1,101 @@
+"""Where cameras, table and hook stand, as plain numbers."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from split_drake.camera import Intrinsics, look_at
+from split_drake.poses import Array, make_pose, rotation_x
+from split_drake.scene import Workspace
+
+
+@dataclass(frozen=True)
+class CameraPlacement:
+    """A depth camera that does not move.
+
+    Attributes:
+        name: of the camera and of the station's port.
+        intrinsics: of its images.
+        X_WC: (4, 4) pose.
+    """
+
+    name: str
+    intrinsics: Intrinsics
+    X_WC: Array
+
+
+@dataclass(frozen=True)
+class HookShape:
+    """A peg that sticks out of a vertical post, in the hook frame K (y along the peg to its tip).
+
+    Attributes:
+        peg_radius_m: of the peg.
+        post_distance_m: from K back along the peg to the post's axis.
+        tip_distance_m: from K on to the peg's tip.
+        post_radius_m: of the post.
+        post_above_m: how far the post rises above the peg's root.
+    """
+
+    peg_radius_m: float = 0.006
+    post_distance_m: float = 0.082
+    tip_distance_m: float = 0.040
+    post_radius_m: float = 0.012
+    post_above_m: float = 0.03
+
+    def __post_init__(self) -> None:
+        room_m = self.post_distance_m - self.post_radius_m
+        if room_m < 0.06:
+            raise ValueError(f"the post is {room_m:.3f} m from K; a mug needs at least 0.06 m")
+
+
+def two_views(workspace: Workspace, distance_m: float = 0.6) -> tuple[CameraPlacement, ...]:
+    """Return the paper's two cameras (section VI-B).
+
+    One is perpendicular to the workspace, the other tilted by 45 degrees; that one stands on the
+    side of +y, away from the hook.
+    """
+    intrinsics = Intrinsics.centered(640, 480, focal_px=540.0)
+    center = np.array(workspace.p_WCenter)
+    top = center + np.array([0.0, 0.0, distance_m])
+    side = center + distance_m * np.array([0.0, np.sin(np.pi / 4), np.cos(np.pi / 4)])
+    return (
+        CameraPlacement("camera_top", intrinsics, look_at(top, center, down_W=(-1.0, 0.0, 0.0))),
+        CameraPlacement("camera_side", intrinsics, look_at(side, center)),
+    )
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The station's fixed parts.
+
+    Attributes:
+        workspace: where objects are perceived.
+        cameras: depth cameras; the paper's two views of the workspace where none are given.
+        X_WK: (4, 4) pose of the hook.
+        hook: its shape.
+        table_size_m: edges of the table's box; its top is at z = 0.
+        p_WTable: (x, y) of the table's centre.
+    """
+
+    workspace: Workspace = field(default_factory=Workspace)
+    cameras: tuple[CameraPlacement, ...] = ()
+    X_WK: Array = field(
+        default_factory=lambda: make_pose(rotation_x(np.radians(10.0)), (0.5, -0.38, 0.40))
+    )
+    hook: HookShape = field(default_factory=HookShape)
+    table_size_m: tuple[float, float, float] = (0.7, 1.2, 0.05)
+    p_WTable: tuple[float, float] = (0.55, 0.0)
+
+    def __post_init__(self) -> None:
+        if not self.cameras:
+            object.__setattr__(self, "cameras", two_views(self.workspace))
+
+
+def same_fixtures(one: Layout, other: Layout) -> bool:
+    """Return whether two layouts have the same table and hook, which is all that a world keeps."""
+    return (
+        np.array_equal(one.X_WK, other.X_WK)
+        and one.hook == other.hook
+        and one.table_size_m == other.table_size_m
+        and one.p_WTable == other.p_WTable
+    )

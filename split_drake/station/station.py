@@ -1,0 +1,198 @@
+"""The simulated station: a Panda at a table with a hook, objects, and depth cameras."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.geometry import Meshcat
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, DiagramBuilder
+
+from split_drake.camera import DepthView, Intrinsics
+from split_drake.objects.rigid import RigidObject
+from split_drake.poses import Array, check_poses
+from split_drake.robot.arm_command import check_force
+from split_drake.robot.gripper import MAX_FORCE_N, MAX_OPENING_M
+from split_drake.robot.panda import Q_HOME, add_panda, panda_positions
+from split_drake.station.config import StationConfig
+from split_drake.station.depth_cameras import add_depth_camera, add_renderer, depth_view, photograph
+from split_drake.station.detector_system import PoseDetectorSystem
+from split_drake.station.fixtures import add_hook, add_objects, add_scenery, add_table
+from split_drake.station.steps import (
+    add_command,
+    add_detector,
+    add_meshcat,
+    add_plant,
+    export_state,
+    set_actuator_gains,
+    set_contact_material,
+)
+
+
+class Station:
+    """One diagram with named ports, and its simulator.
+
+    Input ports of the diagram: `arm` (15,) and `gripper` (2,), see `arm_command_system`.  Output
+    ports: `<camera>.depth_image`, `panda_state` (18,), `panda_torques` (9,), and with a detector
+    `scene` and `pose_sets`.  The cameras cost nothing until they are read.
+
+    What a real robot would measure is read here; the objects' true poses are not: see `oracle`.
+
+    Attributes:
+        config: as given.
+        objects: as given.
+        plant: with model instances `panda`, `table`, `hook`, and one for each object.
+        diagram: the whole.
+        simulator: of the diagram, initialized.
+    """
+
+    def __init__(
+        self,
+        config: StationConfig | None = None,
+        objects: Sequence[RigidObject] = (),
+        meshcat: Meshcat | None = None,
+        detector_system: PoseDetectorSystem | None = None,
+    ) -> None:
+        self.config = config or StationConfig()
+        self.objects = tuple(objects)
+        layout = self.config.layout
+        builder = DiagramBuilder()
+        self.plant, self._scene_graph = add_plant(builder, self.config)
+        self._panda = add_panda(self.plant)
+        set_actuator_gains(self.plant, self._panda, self.config)
+        add_scenery(self.plant, layout)
+        add_table(self.plant, layout)
+        add_hook(self.plant, layout)
+        self._bodies = add_objects(self.plant, self.objects)
+        set_contact_material(self.plant, self._scene_graph, self.config)
+        self.plant.Finalize()
+        add_command(builder, self.plant, self._panda, self.config)
+        export_state(builder, self.plant, self._panda)
+        add_renderer(self._scene_graph)
+        self._cameras = [add_depth_camera(builder, self._scene_graph, c) for c in layout.cameras]
+        if detector_system is not None:
+            add_detector(builder, detector_system, self._cameras)
+        if meshcat is not None:
+            add_meshcat(builder, self._scene_graph, meshcat, self.config)
+        self.diagram = builder.Build()
+        self.diagram.set_name("station")
+        self.simulator = Simulator(self.diagram)
+        self.set_arm(Q_HOME, MAX_OPENING_M)
+        self.simulator.Initialize()
+
+    # What the robot is told.
+
+    def command(self, q: ArrayLike, v: ArrayLike, opening_m: float, force_n: float) -> None:
+        """Set the desired state from now to the next command.
+
+        Args:
+            q, v: (7,) joint angles now, rad, and velocities, rad/s, at which they move on for the
+                next 10 ms; then they rest.
+            opening_m: distance between the pads, at most 0.08; below 0 the force limit acts.
+            force_n: limit of each finger's force, at most 40.
+        """
+        arm = np.concatenate([np.asarray(q, float), np.asarray(v, float)])
+        if arm.shape != (14,) or not np.isfinite(arm).all():
+            raise ValueError(f"q and v are {q!r} and {v!r}; expected 7 finite numbers each")
+        if not opening_m <= MAX_OPENING_M + 1e-9:
+            raise ValueError(f"opening_m is {opening_m}; expected at most {MAX_OPENING_M}")
+        self.diagram.GetInputPort("arm").FixValue(self._context, np.append(arm, self.time_s))
+        gripper = np.array([opening_m, check_force(force_n)])
+        self.diagram.GetInputPort("gripper").FixValue(self._context, gripper)
+
+    def advance(self, duration_s: float) -> None:
+        """Simulate for a while.
+
+        Raises RuntimeError where Drake's contact solver fails.
+        """
+        self.simulator.AdvanceTo(self.time_s + duration_s)
+
+    # What the robot measures.
+
+    @property
+    def time_s(self) -> float:
+        return float(self._context.get_time())
+
+    @property
+    def q(self) -> Array:
+        """Joint angles, (7,) in rad."""
+        return self._panda_state[:7]
+
+    @property
+    def v(self) -> Array:
+        """Joint velocities, (7,) in rad/s."""
+        return self._panda_state[9:16]
+
+    @property
+    def opening_m(self) -> float:
+        """Distance between the pads."""
+        return float(self._panda_state[7:9].sum())
+
+    @property
+    def joint_torques_nm(self) -> Array:
+        """Torques of the arm's actuators in the last step, (7,), without the arm's own weight."""
+        return self.diagram.GetOutputPort("panda_torques").Eval(self._context)[:7]
+
+    @property
+    def finger_forces_n(self) -> Array:
+        """Forces of the fingers' actuators in the last step, (2,), negative where they close."""
+        return self.diagram.GetOutputPort("panda_torques").Eval(self._context)[7:]
+
+    @property
+    def _panda_state(self) -> Array:
+        return self.diagram.GetOutputPort("panda_state").Eval(self._context)
+
+    def capture(self) -> tuple[DepthView, ...]:
+        """Return what the depth cameras see now, in the layout's order."""
+        views = []
+        for camera, placement in zip(self._cameras, self.config.layout.cameras, strict=True):
+            port = camera.depth_image_32F_output_port()
+            image = port.Eval(camera.GetMyContextFromRoot(self._context))
+            views.append(depth_view(image, placement))
+        return tuple(views)
+
+    # Setting up.
+
+    def set_arm(self, q: ArrayLike, opening_m: float) -> None:
+        """Put the arm at rest at `q` (7,), the pads `opening_m` apart, and command it to stay."""
+        positions = panda_positions(np.asarray(q, float), opening_m)
+        self.plant.SetPositions(self.plant_context, self._panda, positions)
+        self.plant.SetVelocities(self.plant_context, self._panda, np.zeros(9))
+        self.command(q, np.zeros(7), opening_m, MAX_FORCE_N)
+
+    def place_object(self, index: int, X_WO: ArrayLike) -> None:
+        """Put object `index` at rest at X_WO (4, 4)."""
+        pose = RigidTransform(check_poses(X_WO, "X_WO"))
+        body = self._bodies[index]
+        self.plant.SetFreeBodyPose(self.plant_context, body, pose)
+        self.plant.SetFreeBodySpatialVelocity(
+            context=self.plant_context, body=body, V_JpJc=SpatialVelocity.Zero()
+        )
+
+    # For looking at it.
+
+    @property
+    def plant_context(self) -> Context:
+        """The plant's context, whose state is the simulator's truth."""
+        return self.plant.GetMyMutableContextFromRoot(self._context)
+
+    @property
+    def _context(self) -> Context:
+        return self.simulator.get_mutable_context()
+
+    def object_body(self, index: int) -> BodyIndex:
+        """Return the plant's index of object `index`."""
+        return self._bodies[index].index()
+
+    def photograph(self, intrinsics: Intrinsics, X_WC: Array) -> NDArray[np.uint8]:
+        """Return an (H, W, 3) colour picture of the station from a camera at X_WC."""
+        context = self._scene_graph.GetMyContextFromRoot(self._context)
+        query = self._scene_graph.get_query_output_port().Eval(context)
+        return photograph(query, intrinsics, X_WC)
+
+    def graphviz(self) -> str:
+        """Return the diagram's systems and connections in Graphviz' language."""
+        return self.diagram.GetGraphvizString(max_depth=1)

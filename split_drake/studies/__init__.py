@@ -1,0 +1,1 @@
+"""What the model's ideas and its sampler's settings are worth."""

@@ -1,0 +1,137 @@
+"""The table of the ablation: JSON, Markdown, and for the terminal."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from split_drake.files import write_json
+from split_drake.pose_task import PoseTask
+from split_drake.split.checkpoint import load_checkpoint
+from split_drake.split.network import TASKS
+from split_drake.studies.ablation_variants import Variant
+from split_drake.training.run_folder import RunFolder
+
+Figures = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What the models of a variant cost, together.
+
+    Attributes:
+        parameters: that are trained.
+        scene_steps: scenes seen in all training steps, those of earlier checkpoints included.
+        minutes: of training; None where it was not recorded.
+    """
+
+    parameters: int
+    scene_steps: int
+    minutes: float | None
+
+    @classmethod
+    def of(cls, weights: tuple[Path, ...]) -> "Cost":
+        """Return the cost of checkpoints, of which those in the folders of runs have curves."""
+        loaded = [load_checkpoint(path) for path in weights]
+        minutes = [_minutes(RunFolder(path.parent)) for path in weights]
+        known = [value for value in minutes if value is not None]
+        return cls(
+            parameters=sum(p.numel() for network, _ in loaded for p in network.parameters()),
+            scene_steps=sum(info.scenes_in_all for _, info in loaded),
+            minutes=sum(known) if len(known) == len(minutes) else None,
+        )
+
+
+def _minutes(run: RunFolder) -> float | None:
+    """Return how long a run trained, by its curves; None where there are none."""
+    lines = run.curves.read_text().splitlines() if run.curves.exists() else []
+    return float(json.loads(lines[-1])["minutes"]) if lines else None
+
+
+@dataclass(frozen=True)
+class Row:
+    """A variant, what it cost and how it fares.
+
+    Attributes:
+        metrics: those of `evaluation.evaluate`.
+    """
+
+    variant: Variant
+    cost: Cost
+    metrics: Figures
+
+    def top(self, task: PoseTask, check: str = "top_good") -> str:
+        """Return in which share of the scenes the top-ranked sample passes a check."""
+        if check not in self.metrics[str(task)]:
+            return "-"
+        figures = self.metrics[str(task)][check]["all"]
+        low, high = figures["wilson95"]
+        return f"{figures['share']:.1%} [{100 * low:.1f}, {100 * high:.1f}]"
+
+    def samples(self) -> str:
+        """Return which shares of all samples are good, before any is rejected, by task."""
+        shares = [self.metrics[str(task)]["samples_good"]["all"]["share"] for task in TASKS]
+        return " / ".join(f"{100 * share:.0f}" for share in shares)
+
+    def record(self) -> dict[str, Any]:
+        """Return the row as JSON values."""
+        kept = {key: value for key, value in self.metrics.items() if key != "by_mug"}
+        return {
+            "name": self.variant.name,
+            "change": self.variant.change,
+            "noise_m": self.variant.noise_m,
+            "models": len(self.variant.models) or 1,
+            "parameters": self.cost.parameters,
+            "scene_steps": self.cost.scene_steps,
+            "minutes": self.cost.minutes,
+            "metrics": kept,
+        }
+
+
+COLUMNS: tuple[tuple[str, Callable[[Row], str]], ...] = (
+    ("variant", lambda row: row.variant.name),
+    ("what differs", lambda row: row.variant.change),
+    ("noise, mm", lambda row: f"{1000 * row.variant.noise_m:.0f}"),
+    *((str(task), partial(Row.top, task=task)) for task in TASKS),
+    ("grasp holds", lambda row: row.top(PoseTask.GRASP, "top_holds")),
+    ("all samples, %", Row.samples),
+    ("scene-steps", lambda row: f"{row.cost.scene_steps:,}"),
+    ("params, M", lambda row: f"{row.cost.parameters / 1e6:.2f}"),
+    ("min", lambda row: "-" if row.cost.minutes is None else f"{row.cost.minutes:.0f}"),
+)
+
+
+def cells(rows: list[Row]) -> list[list[str]]:
+    """Return the table's lines as texts, the heading first; columns of dashes are left out."""
+    columns = [[title, *(show(row) for row in rows)] for title, show in COLUMNS]
+    shown = [column for column in columns if set(column[1:]) != {"-"}]
+    return [list(line) for line in zip(*shown, strict=True)]
+
+
+def markdown(rows: list[Row]) -> str:
+    """Return the table in Markdown."""
+    heading, *lines = cells(rows)
+    rule = ["---"] * len(heading)
+    return "".join(f"| {' | '.join(line)} |\n" for line in (heading, rule, *lines))
+
+
+def terminal_table(rows: list[Row]) -> Table:
+    """Return the table for a terminal, which has no room to say what differs."""
+    heading, *lines = (line[:1] + line[2:] for line in cells(rows))
+    table = Table(title="good samples by task: share of the top-ranked [95% interval], and of all")
+    for title in heading:
+        table.add_column(title, overflow="fold")
+    for line in lines:
+        table.add_row(*line)
+    return table
+
+
+def write_report(rows: list[Row], out: Path) -> None:
+    """Write ablations.json and ablations.md to the folder `out`."""
+    document = {"rows": [row.record() for row in rows]}
+    write_json(out / "ablations.json", document)
+    (out / "ablations.md").write_text(markdown(rows))

@@ -1,0 +1,1 @@
+"""The simulator's true state, which nothing outside this room reads."""

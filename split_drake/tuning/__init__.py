@@ -1,0 +1,1 @@
+"""How the evaluator is tuned by physics."""

@@ -1,0 +1,175 @@
+"""Training of a network's evaluator alone, on grasps that the network drew and physics judged."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from split_drake.evaluation.calibration import area_under_curve
+from split_drake.pose_task import PoseTask
+from split_drake.poses import Array
+from split_drake.scene import Workspace
+from split_drake.split.network import TASKS, SplitConfig, SplitNetwork
+from split_drake.training.augmentation import (
+    AugmentationConfig,
+    Similarity,
+    add_noise,
+    half_turned,
+    voxelize,
+)
+from split_drake.training.batches import BatchConfig, draw_batch
+from split_drake.training.losses import focal_loss
+from split_drake.training.training_scenes import TrainingScenes
+from split_drake.tuning.judged_grasps import JudgedGrasps
+
+# Of each so many mugs the last is not trained on, but tells what tuning has brought.
+HELD_OUT = 10
+MEASURED_NOISE_M = 0.005
+
+
+@dataclass(frozen=True)
+class TuneConfig:
+    """How the evaluator is tuned.
+
+    Attributes:
+        judged: folder written by `judge`.
+        data: folder written by split_drake.data.generate.
+        init: checkpoint to start from, best the one that drew the judged grasps.
+        out: checkpoint to write.
+        steps: optimiser steps.
+        learning_rate: of Adam at the first step; it falls to 0 like a cosine.
+        seed: of the batches.
+        batch: scenes, handles, uprights and false grasps in a step; there are as many scenes again
+            of judged grasps, all of a scene's at once.
+    """
+
+    judged: Path
+    data: Path
+    init: Path
+    out: Path
+    steps: int = 3000
+    learning_rate: float = 3e-4
+    seed: int = 0
+    batch: BatchConfig = field(default_factory=lambda: BatchConfig(grasps=0))
+
+    def __post_init__(self) -> None:
+        if self.batch.grasps:
+            raise ValueError(
+                f"batch.grasps is {self.batch.grasps}; expected 0: the judged ones take their place"
+            )
+
+
+@dataclass(frozen=True)
+class JudgedScenes:
+    """Judged grasps as tensors, relative to the workspace's corner V.
+
+    Attributes:
+        p_VSs: (S, 2000, 3) points without noise.
+        X_VGs: (S, K, 4, 4) grasps.
+        held: (S, K) 1 for those that hold, else 0.
+    """
+
+    p_VSs: Tensor
+    X_VGs: Tensor
+    held: Tensor
+
+    @classmethod
+    def split(cls, judged: JudgedGrasps) -> tuple[Self, Self]:
+        """Return the scenes to train on, and those of the mugs that are held out.
+
+        Raises ValueError where there are too few mugs to hold one out.
+        """
+        held_out = judged.mug_index % HELD_OUT == HELD_OUT - 1
+        if not held_out.any():
+            raise ValueError(f"{judged.mugs} mugs; expected at least {HELD_OUT}, to hold one out")
+        return cls._of(judged, ~held_out), cls._of(judged, held_out)
+
+    @classmethod
+    def _of(cls, judged: JudgedGrasps, rows: np.ndarray) -> Self:
+        p_WV = torch.tensor(Workspace().p_WV, dtype=torch.float32)
+        X_VGs = torch.tensor(judged.sampled[rows])
+        X_VGs[..., :3, 3] -= p_WV
+        return cls(
+            torch.tensor(judged.clouds[rows]) - p_WV, X_VGs, torch.tensor(judged.held[rows]).float()
+        )
+
+    def __len__(self) -> int:
+        return len(self.held)
+
+    def draw(
+        self, batch: BatchConfig, split: SplitConfig, generator: torch.Generator
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Return voxels (B, r, r, r), grasps (B, K, 4, 4) and labels (B, K), augmented."""
+        chosen = torch.randint(len(self), (batch.scenes,), generator=generator)
+        similarity = Similarity.draw(batch.scenes, batch.augmentation, split, generator)
+        points = similarity.points(self.p_VSs[chosen])
+        X_VGs = half_turned(similarity.poses(self.X_VGs[chosen]), generator)
+        occupied = voxelize(add_noise(points, batch.augmentation, generator), split)
+        return occupied, X_VGs, self.held[chosen]
+
+
+def evaluator_logits(
+    network: SplitNetwork, occupied: Tensor, X_VPs: Tensor, tasks: Tensor
+) -> Tensor:
+    """Return logits (B, P) of poses (B, P, 4, 4), with a gradient for the evaluator alone.
+
+    Args:
+        occupied: (B, r, r, r) voxels.
+        tasks: (G,) indices into `TASKS` of the G groups that a scene's poses fall into.
+    """
+    with torch.no_grad():
+        context = network.local_context(network.encode(occupied), X_VPs)
+    grouped = context.view(len(occupied) * len(tasks), -1, context.shape[-1])
+    return network.evaluate(grouped, tasks.repeat(len(occupied))).view(X_VPs.shape[:2])
+
+
+@torch.no_grad()
+def ranking_quality(network: SplitNetwork, judged: JudgedScenes) -> dict[str, float]:
+    """Return how well the evaluator ranks the judged grasps, the points having 5 mm of noise.
+
+    "auc" is over the grasps of all scenes, "top_holds" the share of scenes whose best one holds,
+    "holds" that of all grasps, which is what chance would reach.
+    """
+    generator = torch.Generator().manual_seed(0)
+    noise = AugmentationConfig(noise_m=(MEASURED_NOISE_M, MEASURED_NOISE_M))
+    grasp = torch.tensor([TASKS.index(PoseTask.GRASP)])
+    logits: list[Array] = []
+    for p_VSs, X_VGs in zip(judged.p_VSs.split(16), judged.X_VGs.split(16), strict=True):
+        occupied = voxelize(add_noise(p_VSs, noise, generator), network.config)
+        logits.append(evaluator_logits(network, occupied, X_VGs, grasp).numpy())
+    scores, held = np.concatenate(logits), judged.held.bool().numpy()
+    best = scores.argmax(axis=1)
+    return {
+        "auc": area_under_curve(scores.ravel(), held.ravel()),
+        "top_holds": float(held[np.arange(len(held)), best].mean()),
+        "holds": float(held.mean()),
+    }
+
+
+def tune_steps(
+    network: SplitNetwork, scenes: TrainingScenes, judged: JudgedScenes, config: TuneConfig
+) -> Iterator[float]:
+    """Train the evaluator of `network`; yield the focal loss of each step."""
+    network.eval().requires_grad_(False)  # the statistics of the encoder's batch norms stay, too
+    tuned = [*network.evaluator_condition.parameters(), *network.evaluator_head.parameters()]
+    for parameter in tuned:
+        parameter.requires_grad_(True)
+    adam = torch.optim.Adam(tuned, config.learning_rate)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, config.steps)
+    generator = torch.Generator().manual_seed(config.seed)
+    grasp = torch.tensor([TASKS.index(PoseTask.GRASP)])
+    for _ in range(config.steps):
+        batch = draw_batch(scenes, config.batch, network.config, generator)
+        occupied, X_VGs, held = judged.draw(config.batch, network.config, generator)
+        others = evaluator_logits(network, batch.occupied, batch.X_VPs, batch.tasks)
+        grasps = evaluator_logits(network, occupied, X_VGs, grasp)
+        loss = focal_loss(others, batch.label.flatten(1)) + focal_loss(grasps, held)
+        adam.zero_grad()
+        loss.backward()
+        adam.step()
+        schedule.step()
+        yield loss.item()

@@ -1,0 +1,169 @@
+"""Grasps that a model drew itself, tried in physics: what its evaluator should say of them.
+
+A folder holds ``config.json`` and one ``<mug>.npz`` a shape, each with S scenes of K grasps:
+
+========  ===============  =======  ==========================================
+array     shape            type     content
+========  ===============  =======  ==========================================
+clouds    (S, 2000, 3)     float32  sampled points without noise, metres in W
+sampled   (S, K, 4, 4)     float32  grasps X_WG
+held      (S, K)           bool     whether each holds
+========  ===============  =======  ==========================================
+
+Scenes are drawn as trials start, from training mugs; a grasp holds as `GraspTrials` says, which is
+also what evaluations ask.  A shard depends on the seed and its mug alone; shards that exist are
+kept.
+"""
+
+import json
+import multiprocessing
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from rich.progress import track
+
+from split_drake.evaluation.judgement import judge_grasps
+from split_drake.evaluation.scenes import EvalMug
+from split_drake.evaluation.task_records import GraspTrials
+from split_drake.experiments.provenance import file_sha256
+from split_drake.files import replacing, write_json
+from split_drake.pose_task import PoseTask
+from split_drake.scene import Scene
+from split_drake.split.detector import SamplerConfig, SplitDetector
+from split_drake.station.layout import Layout
+from split_drake.training.augmentation import AugmentationConfig
+
+Shard = dict[str, np.ndarray]
+
+
+class JudgedGraspsError(ValueError):
+    """A folder holds other judged grasps, or not all of them."""
+
+
+@dataclass(frozen=True)
+class JudgeConfig:
+    """Which grasps to draw and try; 0.1 to 0.2 s of CPU each.
+
+    Attributes:
+        checkpoint: the model that draws them.
+        out: folder to write to.
+        scenes_per_mug: how many scenes of each training mug.
+        samples: grasps drawn in each scene.
+        seed: of all draws, together with the mug's number.
+        workers: processes; the outcome does not depend on them.
+    """
+
+    checkpoint: Path
+    out: Path
+    scenes_per_mug: int = 10
+    samples: int = 16
+    seed: int = 0
+    workers: int = len(os.sched_getaffinity(0))
+
+    def __post_init__(self) -> None:
+        for name in ("scenes_per_mug", "samples", "workers"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")
+
+    def record(self) -> dict[str, Any]:
+        """Return what the grasps depend on."""
+        return {
+            "checkpoint": file_sha256(self.checkpoint),
+            "scenes_per_mug": self.scenes_per_mug,
+            "samples": self.samples,
+            "seed": self.seed,
+        }
+
+
+def judge_scene(mug: EvalMug, detector: SplitDetector, rng: np.random.Generator) -> Shard:
+    """Return the arrays of one scene; points are as noisy as any that the model is trained on."""
+    scene = mug.draw(rng)
+    seen = Scene(scene.p_WPs, scene.p_WSs, Layout().workspace)
+    seen = seen.with_noise(rng.uniform(*AugmentationConfig().noise_m), rng)
+    X_WGs = detector.sample(seen, (PoseTask.GRASP,), rng)[PoseTask.GRASP].X_WPs
+    judgement = judge_grasps(X_WGs, mug.judge, scene.X_WO)
+    trials = GraspTrials(mug.hand, scene.X_WO, X_WGs, judgement)
+    held = np.array([not trials.fault(number) for number in range(len(X_WGs))])
+    return {
+        "clouds": scene.p_WSs.astype(np.float32),
+        "sampled": X_WGs.astype(np.float32),
+        "held": held,
+    }
+
+
+def write_judged(config: JudgeConfig, name: str) -> None:
+    """Draw and try the grasps of mug `name`, and write them at once or not at all."""
+    sampler = SamplerConfig(samples=config.samples)
+    detector = SplitDetector.from_checkpoint(config.checkpoint, sampler)
+    mug = EvalMug.of_split(name)
+    rng = np.random.default_rng([config.seed, int(name.rpartition("_")[2])])
+    scenes = [judge_scene(mug, detector, rng) for _ in range(config.scenes_per_mug)]
+    with replacing(config.out / f"{name}.npz") as temporary:
+        np.savez(
+            temporary,
+            allow_pickle=False,
+            **{key: np.stack([scene[key] for scene in scenes]) for key in scenes[0]},
+        )
+
+
+def _open_folder(config: JudgeConfig) -> None:
+    """Make the folder; raise JudgedGraspsError where it holds grasps of another configuration."""
+    config.out.mkdir(parents=True, exist_ok=True)
+    path, record = config.out / "config.json", config.record()
+    if path.exists() and (before := json.loads(path.read_text())) != record:
+        raise JudgedGraspsError(f"{config.out} holds grasps of {before}; asked for {record}")
+    write_json(path, record)
+
+
+def judge(config: JudgeConfig, names: Sequence[str]) -> None:
+    """Write the shards of the mugs `names` that are missing."""
+    _open_folder(config)
+    missing = [name for name in names if not (config.out / f"{name}.npz").exists()]
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(
+        config.workers, context, initializer=torch.set_num_threads, initargs=(1,)
+    ) as executor:
+        futures = [executor.submit(write_judged, config, name) for name in missing]
+        for future in track(as_completed(futures), "mugs", total=len(futures)):
+            future.result()
+
+
+@dataclass(frozen=True)
+class JudgedGrasps:
+    """Judged grasps in memory, the S scenes of all mugs one after another.
+
+    Attributes:
+        clouds, sampled, held: see the module.
+        mug_index: (S,) which mug each scene shows.
+        mugs: how many there are.
+    """
+
+    clouds: NDArray[np.float32]
+    sampled: NDArray[np.float32]
+    held: NDArray[np.bool_]
+    mug_index: NDArray[np.int_]
+    mugs: int
+
+    @classmethod
+    def open(cls, folder: Path, names: Sequence[str]) -> Self:
+        """Read the shards of the mugs `names`; raise JudgedGraspsError where some are missing."""
+        paths = [folder / f"{name}.npz" for name in names]
+        if missing := [path for path in paths if not path.is_file()]:
+            raise JudgedGraspsError(
+                f"{len(missing)} of {len(paths)} shards are missing, {missing[0]} the first; "
+                "judge them first"
+            )
+        shards = []
+        for path in paths:
+            with np.load(path, allow_pickle=False) as archive:
+                shards.append({key: archive[key] for key in ("clouds", "sampled", "held")})
+        arrays = {key: np.concatenate([shard[key] for shard in shards]) for key in shards[0]}
+        index = np.repeat(np.arange(len(names)), [len(shard["held"]) for shard in shards])
+        return cls(**arrays, mug_index=index, mugs=len(names))

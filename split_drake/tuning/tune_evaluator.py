@@ -1,0 +1,87 @@
+"""Tune a checkpoint's evaluator on grasps that the model drew itself, judged by physics.
+
+    python -m split_drake.tuning.tune_evaluator judge --checkpoint F --out DIR
+    python -m split_drake.tuning.tune_evaluator tune --judged DIR --data DIR --init F --out FILE
+
+Training shows the evaluator true poses that noise has moved, and calls them bad by how far.  What
+it has to tell apart when the model is used are poses that all look about right; which of these
+grasps hold, only trying them tells.  So the evaluator alone is trained here: on judged grasps, and
+as before on handle poses, upright poses and false grasps.  Encoder and score stay as they were: the
+tuned model draws the same samples, and ranks them otherwise.
+"""
+
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+import torch
+import tyro
+from rich.console import Console
+
+from split_drake.data.dataset import MugDataset
+from split_drake.objects.mugs.split import mug_names
+from split_drake.scene import Workspace
+from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
+from split_drake.training.train import parent_record, source_commit
+from split_drake.training.training_scenes import TrainingScenes
+from split_drake.tuning.evaluator_tuning import (
+    JudgedScenes,
+    TuneConfig,
+    ranking_quality,
+    tune_steps,
+)
+from split_drake.tuning.judged_grasps import JudgeConfig, JudgedGrasps, judge
+
+LOG_STEPS = 100
+
+
+def tune(config: TuneConfig) -> None:
+    """Tune, print what it brought on mugs that were held out, and write the checkpoint."""
+    console = Console(soft_wrap=True)
+    network, info = load_checkpoint(config.init)
+    dataset = MugDataset.open(config.data)
+    scenes = TrainingScenes.from_arrays(dataset, Workspace().p_WV, torch.device("cpu"))
+    judged = JudgedGrasps.open(config.judged, mug_names("train"))
+    used, held_out = JudgedScenes.split(judged)
+    before = ranking_quality(network, held_out)
+    losses: list[float] = []
+    for loss in tune_steps(network, scenes, used, config):
+        losses.append(loss)
+        if len(losses) % LOG_STEPS == 0:
+            console.print(f"step {len(losses)}  focal {np.mean(losses[-LOG_STEPS:]):.5f}")
+    after = ranking_quality(network.eval(), held_out)
+    for name in before:
+        console.print(f"{name}, held-out mugs: {before[name]:.3f} before, {after[name]:.3f} after")
+    metrics = {"tuning": {"before": before, "after": after}}
+    save_checkpoint(config.out, network, _tuned_info(config, info, dataset.dataset_hash, metrics))
+
+
+def _tuned_info(
+    config: TuneConfig, info: CheckpointInfo, dataset_hash: str, metrics: dict[str, Any]
+) -> CheckpointInfo:
+    """Return where the tuned network comes from."""
+    options = {"batch": asdict(config.batch), "learning_rate": config.learning_rate}
+    return replace(
+        info,
+        training=options,
+        seed=config.seed,
+        dataset_hash=dataset_hash,
+        commit=source_commit(),
+        steps=config.steps,
+        scenes=2 * config.steps * config.batch.scenes,
+        metrics=metrics,
+        earlier_commits=(),
+        parent=parent_record(config.init, info),
+    )
+
+
+def main(config: JudgeConfig | TuneConfig) -> None:
+    """Run one of the two commands."""
+    if isinstance(config, JudgeConfig):
+        judge(config, mug_names("train"))
+    else:
+        tune(config)
+
+
+if __name__ == "__main__":
+    main(tyro.extras.subcommand_cli_from_dict({"judge": JudgeConfig, "tune": TuneConfig}))

@@ -1,0 +1,116 @@
+"""A hand that an object catches when it lets go of it, or puts it down."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.handling import WIDTH_M, Placer, failures, handle, sees
+from helpers.planning import UPRIGHT, mug_problem, reorient_plan
+from helpers.robot import PerfectRobot
+
+from planning.execution.executor import ExecutionResult
+from planning.execution.faults import CATCHING_FORCE_N
+from planning.handling.attempts import AttemptLimits
+from planning.handling.handler import KEPT_SHIFT_M
+from planning.handling.held_view import HeldView
+from planning.handling.recovery import Recovery
+from planning.motion.free import NoMotion
+from planning.problem import Segment, SegmentName, Stage, Subgoal
+from split_drake.poses import Array, invert_pose, make_pose, rotation_z, transform_points
+from split_drake.robot.kinematics import gripper_pose
+from split_drake.robot.panda import Q_HOME
+
+
+def catch(robot: PerfectRobot, normal_W: tuple[float, float, float]) -> Callable[[Segment], None]:
+    """Return what catches the robot's hand on a wall once it has begun to draw back."""
+
+    def on_step(segment: Segment) -> None:
+        if segment.name is SegmentName.RETREAT and robot.floor_m == -np.inf:
+            robot.normal_W = normal_W
+            robot.floor_m = float(np.dot(normal_W, gripper_pose(robot.q)[:3, 3]))
+
+    return on_step
+
+
+# Against the way back, which leads up, and sideways: the hand can slide along it.
+SLOPE_W = (0.8, 0.0, -0.6)
+
+
+def test_a_hand_that_is_caught_slides_out_along_what_it_feels() -> None:
+    robot = PerfectRobot(WIDTH_M)
+    handled = handle(robot, Placer(), catch(robot, SLOPE_W))
+    (attempt,) = handled.attempts
+    assert attempt.failure == (None, "") and attempt.recovery == "eased the hand out"
+    assert attempt.execution is not None
+    *_, opened, caught, eased = attempt.execution.logs
+    assert [log.name for log in (opened, caught, eased)] == ["open", "retreat", "retreat"]
+    assert caught.stopped_by_contact and caught.force_n > CATCHING_FORCE_N
+    assert not eased.stopped_by_contact
+    np.testing.assert_allclose(robot.q, Q_HOME, atol=1e-6)
+
+
+def test_ways_out_know_where_the_object_was_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    X_GE = make_pose(rotation_z(0.02), (0.0, 0.0, 0.5 * KEPT_SHIFT_M))
+    sees(monkeypatch, X_GE)
+    robot, found = PerfectRobot(WIDTH_M), list[Array]()
+
+    def eased_out(recovery: Recovery, caught: ExecutionResult, p_WPs: Array) -> ExecutionResult:
+        found.append(p_WPs)
+        return caught
+
+    monkeypatch.setattr(Recovery, "eased_out", eased_out)
+    handle(robot, Placer(), catch(robot, SLOPE_W))
+    plan, cloud = reorient_plan(), mug_problem(Subgoal.REORIENT, UPRIGHT).p_WPs
+    X_WMoved = plan.X_WGplace @ X_GE @ invert_pose(plan.X_WGrasp)
+    np.testing.assert_allclose(found[0], transform_points(X_WMoved, cloud), atol=1e-6)
+
+
+def test_a_robot_that_eased_its_hand_out_but_finds_no_way_home_has_failed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("planning.handling.recovery.free_motion", lambda *_: NoMotion("walled in"))
+    robot = PerfectRobot(WIDTH_M)
+    handled = handle(robot, Placer(), catch(robot, SLOPE_W))
+    (attempt,) = handled.attempts
+    assert attempt.failure == (Stage.PLACEMENT, "no way home was found") and not handled.home
+
+
+@pytest.mark.parametrize("tries", [0, 2])
+def test_a_hand_that_stays_caught_says_so(tries: int) -> None:
+    robot = PerfectRobot(WIDTH_M)
+    limits = AttemptLimits(ways_out=tries)
+    handled = handle(robot, Placer(), catch(robot, (0.0, 0.0, -1.0)), limits)
+    assert failures(handled) == [Stage.PLACEMENT] and not handled.home
+    (attempt,) = handled.attempts
+    assert "caught on the object" in attempt.failure[1]
+    assert attempt.recovery == "the hand stayed caught"
+    assert attempt.execution is not None
+    retreats = [log for log in attempt.execution.logs if log.name is SegmentName.RETREAT]
+    assert len(retreats) == 1 + tries and all(log.stopped_by_contact for log in retreats)
+
+
+def test_a_hand_that_is_caught_where_it_puts_the_object_down_slides_out_as_well(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    lost = HeldView(np.eye(4), 0.4, "40% of it matches", elsewhere=True)
+    monkeypatch.setattr("planning.handling.handler.view_held", lambda *_: lost)
+    robot = PerfectRobot(WIDTH_M)
+    handled = handle(robot, Placer(), catch(robot, SLOPE_W))
+    assert handled.home and handled.attempts[-1].recovery == "put the object down"
+    robot = PerfectRobot(WIDTH_M)
+    handled = handle(robot, Placer(), catch(robot, (0.0, 0.0, -1.0)))
+    assert not handled.home
+    assert handled.attempts[-1].recovery == "put the object down; the hand stayed caught"
+
+
+def test_a_hung_object_is_left_where_the_hand_was_eased_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The rest of the plan, which leads back from the hook, starts elsewhere."""
+    robot = PerfectRobot(WIDTH_M)
+    plan = replace(reorient_plan(), subgoal=Subgoal.HANG)
+    handled = handle(robot, Placer(), catch(robot, SLOPE_W), plan=plan)
+    (attempt,) = handled.attempts
+    assert attempt.failure == (None, "") and attempt.recovery == "eased the hand out"
+    assert np.abs(robot.q - Q_HOME).max() > 0.1

@@ -1,0 +1,79 @@
+"""Trials in physics that go wrong at first."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from planning.problem import Stage
+from scenarios.mug_hang import MugHangOptions
+from scenarios.trials import trial
+from scenarios.trials.detectors import make_detector
+from scenarios.trials.records import TrialRecord
+from scenarios.trials.setup import Setup
+from scenarios.trials.spec import TrialSpec
+from scenarios.trials.trial import run_trial
+from split_drake.pose_set import PoseDetector, PoseSet
+from split_drake.pose_task import PoseTask
+from split_drake.poses import make_pose
+from split_drake.scene import Scene
+
+
+def spec_of(folder: Path, seed: int) -> TrialSpec:
+    options = MugHangOptions(
+        trials=1, seed=seed, detector="oracle", mugs="train", record="none", workers=1
+    )
+    return TrialSpec.of(options, 0, folder)
+
+
+def without_wall_times(record: TrialRecord) -> TrialRecord:
+    attempts = tuple({**attempt, "planning_s": 0.0} for attempt in record.attempts)
+    return replace(record, seconds={}, memory_bytes=0, attempts=attempts)
+
+
+def test_a_mug_that_turns_in_the_hand_hangs_by_a_new_plan_and_twice_the_same(
+    tmp_path: Path,
+) -> None:
+    one, two = (run_trial(spec_of(tmp_path, seed=8)) for _ in range(2))
+    assert one.succeeded, one.reason
+    lifted, placed = one.attempts
+    assert lifted["recovery"] == "planned anew from how it lay in the hand"
+    assert lifted["held"]["rejected"] == "" and lifted["held"]["turn_rad"] > np.radians(5.0)
+    assert [log["name"] for log in placed["segments"]][:2] == ["transfer", "insert"]
+    assert without_wall_times(one) == without_wall_times(two)
+
+
+class HighAtFirst:
+    """A detector whose first grasps are above the mug, so that they close on nothing."""
+
+    def __init__(self, detector: PoseDetector) -> None:
+        self._detector = detector
+        self._looks = 0
+
+    def detect(
+        self, scene: Scene, tasks: Sequence[PoseTask], rng: np.random.Generator
+    ) -> dict[PoseTask, PoseSet]:
+        found = self._detector.detect(scene, tasks, rng)
+        self._looks += 1
+        if self._looks == 1:
+            above = make_pose(p=(0.0, 0.0, 0.10))
+            found[PoseTask.GRASP] = found[PoseTask.GRASP].moved(above)
+        return found
+
+
+def test_a_mug_that_was_missed_is_taken_at_the_second_attempt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def misled(spec: TrialSpec, setup: Setup, wide: bool = False) -> PoseDetector:
+        detector = make_detector(spec, setup, wide)
+        return detector if wide else HighAtFirst(detector)
+
+    monkeypatch.setattr(trial, "make_detector", misled)
+    record = run_trial(spec_of(tmp_path, seed=1))
+    assert record.succeeded, record.reason
+    assert record.attempts[0]["stage"] == Stage.GRASP
+    assert "empty after close" in record.attempts[0]["reason"]
+    assert record.attempts[0]["recovery"] == "drew back"
+    assert record.attempts[-1]["stage"] == "success"

@@ -1,0 +1,88 @@
+"""Recorded problems are those that a trial's planner is asked; regions grow from their plans."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.planning import UPRIGHT, mug_problem
+
+from planning.motion.regions import load_regions
+from planning.problem import PlanningProblem, Subgoal
+from planning.problem_files import SHIPPED_PROBLEMS, load_problems, save_problems
+from scenarios import grow_regions
+from scenarios.grow_regions import GrowOptions
+from scenarios.record_problems import MAX_POSES, RecordOptions, main, record_problem, specs_of
+from split_drake.pose_task import PoseTask
+from split_drake.poses import make_pose
+from split_drake.robot.panda import Q_HOME
+from split_drake.station.layout import Layout
+
+HANG = "hang-oracle-test-0"
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("problems") / "p.npz"
+    return main(RecordOptions(count=2, detectors=("oracle",), workers=1, out=out))
+
+
+def test_tasks_take_turns_and_the_same_seed_gives_the_same_problem(file: Path) -> None:
+    found = load_problems(file)
+    assert list(found) == [HANG, "reorient-oracle-test-0"]
+    assert [p.subgoal for p in found.values()] == [Subgoal.HANG, Subgoal.REORIENT]
+    spec = specs_of(RecordOptions(count=1, detectors=("oracle",)))[0]
+    again = record_problem(spec).problem
+    assert isinstance(again, PlanningProblem)
+    np.testing.assert_allclose(found[HANG].p_WPs, again.p_WPs, atol=1e-4)
+    assert len(found[HANG].pose_sets[PoseTask.GRASP]) <= MAX_POSES[PoseTask.GRASP]
+    np.testing.assert_allclose(again.q_start, Q_HOME, atol=0.01)
+
+
+def test_regions_grow_from_plans(file: Path, tmp_path: Path) -> None:
+    out = tmp_path / "r.npz"
+    grow_regions.main(GrowOptions(problems=file, plans=1, max_regions=2, out=out))
+    regions = load_regions(out)
+    assert len(regions) == 2
+    assert regions.covers(Q_HOME[None]).all()
+
+
+def test_regions_do_not_grow_from_problems_of_another_station(tmp_path: Path) -> None:
+    here = mug_problem(Subgoal.HANG, UPRIGHT)
+    moved = replace(here, layout=Layout(X_WK=make_pose(p=(0.4, -0.38, 0.40))))
+    elsewhere = tmp_path / "elsewhere.npz"
+    save_problems(elsewhere, {"here": here, "moved": moved})
+    options = GrowOptions(problems=elsewhere, plans=1, max_regions=1, out=tmp_path / "r.npz")
+    with pytest.raises(ValueError, match=r"elsewhere\.npz.*'moved'.*record_problems"):
+        grow_regions.main(options)
+    assert not options.out.exists()
+
+
+def test_shipped_problems_are_500_of_both_tasks() -> None:
+    problems = load_problems(SHIPPED_PROBLEMS)
+    assert len(problems) == 500
+    assert {problem.subgoal for problem in problems.values()} == set(Subgoal)
+    assert SHIPPED_PROBLEMS.stat().st_size < 5e6
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"count": 0}, "count is 0"),
+        ({"tasks": ()}, "at least one"),
+        ({"tasks": ("hang", "hang")}, "tasks names one twice.*hang"),
+        ({"detectors": ("oracle", "oracle")}, "detectors names one twice.*oracle"),
+        ({"seed": -1}, "seed is -1"),
+        ({"noise_m": -0.001}, "noise-m is -0.001"),
+        ({"noise_m": float("nan")}, "noise-m is nan"),
+        ({"workers": 0}, "workers is 0"),
+    ],
+)
+def test_options_that_make_no_sense_are_errors(options: dict, match: str) -> None:
+    with pytest.raises(ValueError, match=match):
+        RecordOptions(**options)
+
+
+def test_growing_needs_a_plan() -> None:
+    with pytest.raises(ValueError, match="plans is 0"):
+        GrowOptions(plans=0)

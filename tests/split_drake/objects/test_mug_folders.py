@@ -1,0 +1,94 @@
+"""Runs on mugs from mesh files: names, checks before the first trial, and a whole trial."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from rich.console import Console
+
+from planning.problem import Subgoal
+from scenarios.mug_hang import MugHangOptions, main, run_config
+from scenarios.trials.mug_check import check_mugs, read_grasps
+from scenarios.trials.records import read_records
+from scenarios.trials.spec import TrialSpec
+from split_drake.experiments.provenance import file_sha256
+from split_drake.objects.mug_shape import InvalidMugError
+from split_drake.objects.mug_source import MugSource
+from split_drake.objects.mugs.split import load_mug
+from split_drake.poses import make_pose, rotation_z
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder of one mug, turned and shifted, in a folder of its own."""
+    folder = tmp_path_factory.mktemp("mugs")
+    mesh = load_mug("test_004").body.mesh.copy()
+    mesh.apply_transform(make_pose(rotation_z(1.0), (0.2, 0.1, 0.05)))
+    (folder / "cup").mkdir()
+    mesh.export(folder / "cup" / "mug.stl")
+    return folder
+
+
+def test_sources_are_a_split_or_a_folder(folder: Path, tmp_path: Path) -> None:
+    assert MugSource(str(folder)).names() == ("cup",)
+    assert len(MugSource("test").names()) == 40
+    assert MugSource("test").mesh_sha256("test_000") is None
+    with pytest.raises(ValueError, match=r"'nowhere'.*test.*folder of mesh files"):
+        MugHangOptions(mugs="nowhere")
+    with pytest.raises(FileNotFoundError, match="holds no mesh file"):
+        MugSource(str(tmp_path)).names()
+
+
+def test_a_mug_may_be_made_heavier(folder: Path, tmp_path: Path) -> None:
+    spec = TrialSpec.of(MugHangOptions(mugs=str(folder)), 0, tmp_path)
+    light, heavy = spec.load_mug("cup").body, replace(spec, mass_kg=0.5).load_mug("cup").body
+    assert (light.mass_kg, heavy.mass_kg) == (0.3, 0.5)
+    assert np.allclose(heavy.inertia_kg_m2 / 0.5, light.inertia_kg_m2 / 0.3)
+    assert spec.task is Subgoal.HANG
+
+
+def test_what_is_no_mug_is_refused_before_any_trial(folder: Path, tmp_path: Path) -> None:
+    mixed = tmp_path / "mixed"
+    mixed.mkdir()
+    load_mug("test_004").body.mesh.export(mixed / "good.stl")
+    trimesh.creation.box((0.08, 0.08, 0.1)).export(mixed / "brick.stl")
+    (mixed / "blank.obj").write_text("")
+    out = tmp_path / "out"
+    with pytest.raises(InvalidMugError) as caught:
+        main(MugHangOptions(mugs=str(mixed), detector="oracle", workers=1, out=out))
+    faults = str(caught.value).splitlines()[1:]
+    assert len(faults) == 2
+    assert "blank.obj: empty file" in faults[0]
+    assert "brick.stl: no upright round body" in faults[1]
+    assert not read_records(out / "trials.jsonl")
+
+
+def test_bodies_that_the_station_has_already_are_refused(tmp_path: Path) -> None:
+    load_mug("test_004").body.mesh.export(tmp_path / "table.stl")
+    with pytest.raises(InvalidMugError, match=r"table.*expected one that is not taken"):
+        check_mugs(MugSource(str(tmp_path)), tmp_path / "out", False, 1, Console(quiet=True))
+
+
+def test_a_trial_with_a_mug_from_a_file(folder: Path, tmp_path: Path) -> None:
+    options = MugHangOptions(
+        trials=1, mugs=str(folder), detector="oracle", workers=1, record="none", out=tmp_path
+    )
+    main(options)
+    (record,) = read_records(tmp_path / "trials.jsonl")
+    assert record.traceback is None, record.traceback
+    assert record.succeeded, record.reason
+    sha256 = file_sha256(folder / "cup" / "mug.stl")
+    assert record.mesh_sha256 == sha256
+    assert run_config(options)["mesh_sha256"] == {"cup": sha256}
+    labels = read_grasps(tmp_path, "cup")
+    assert len(labels.X_OGs) == len(labels.openings_m) > 100
+    # The robot moved, and kept within its limits.
+    assert 0.1 < record.peaks["velocity_share"] <= 1.0
+    assert 0.1 < record.peaks["torque_share"] <= 1.0
+    assert 0.0 < record.peaks["pad_depth_m"] <= 0.002
+    assert record.exceeded == ()
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["worst_peaks"] == record.peaks

@@ -1,0 +1,279 @@
+"""SPLIT as a detector, and its checkpoints.  Accuracy is measured by training.evaluate."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors import safe_open
+from safetensors.torch import load_file, save_file
+
+from split_drake.pose_task import PoseTask
+from split_drake.scene import Scene, Workspace
+from split_drake.split.checkpoint import (
+    CheckpointError,
+    CheckpointInfo,
+    default_weights,
+    load_checkpoint,
+    save_checkpoint,
+)
+from split_drake.split.detector import WIDE_TEMPERATURE, SamplerConfig, SplitDetector
+from split_drake.split.network import SplitConfig, SplitNetwork
+from split_drake.split.sampling import LangevinConfig
+
+TASKS = (PoseTask.GRASP, PoseTask.HANDLE, PoseTask.UPRIGHT)
+SAMPLER = SamplerConfig(samples=16, langevin=LangevinConfig(steps=4), threshold=0.0)
+
+
+@pytest.fixture(scope="module")
+def network() -> SplitNetwork:
+    torch.manual_seed(0)
+    return SplitNetwork(
+        SplitConfig(channels=(4, 8, 8), context_grids=(0, 1, 3), width=32, layers=4)
+    )
+
+
+def make_scene(workspace: Workspace | None = None) -> Scene:
+    """Return a tube 10 cm high in the middle of the workspace."""
+    workspace = workspace or Workspace()
+    rng = np.random.default_rng(0)
+    angle = rng.uniform(0.0, 2.0 * np.pi, 2000)
+    height = rng.uniform(0.005, 0.1, 2000)
+    tube = np.stack([0.04 * np.cos(angle), 0.04 * np.sin(angle), height], -1)
+    points = tube + workspace.p_WCenter
+    return Scene(points, points, workspace)
+
+
+def test_same_seed_and_scene_give_the_same_poses(network: SplitNetwork) -> None:
+    detector = SplitDetector(network, SAMPLER)
+    first, again, other = (
+        detector.detect(make_scene(), TASKS, np.random.default_rng(seed)) for seed in (0, 0, 1)
+    )
+    for task in TASKS:
+        assert np.array_equal(first[task].X_WPs, again[task].X_WPs)
+        assert np.array_equal(first[task].scores, again[task].scores)
+        assert not np.allclose(first[task].X_WPs, other[task].X_WPs)
+
+
+def test_pose_sets_are_those_asked_for_and_inside_the_workspace(network: SplitNetwork) -> None:
+    wanted = (PoseTask.UPRIGHT, PoseTask.GRASP)
+    found = SplitDetector(network, SAMPLER).detect(make_scene(), wanted, np.random.default_rng(0))
+    assert tuple(found) == wanted
+    for task, pose_set in found.items():
+        assert pose_set.task == task
+        assert len(pose_set) == SAMPLER.samples
+        p_VPs = pose_set.X_WPs[:, :3, 3] - Workspace().p_WV
+        assert p_VPs.min() > -1e-6
+        assert p_VPs.max() < Workspace().edge_m + 1e-6
+
+
+def test_poses_follow_a_workspace_that_stands_elsewhere(network: SplitNetwork) -> None:
+    detector = SplitDetector(network, SAMPLER)
+    elsewhere = Workspace(p_WCenter=(-0.2, 0.7, 0.3))
+    here, there = (
+        detector.detect(make_scene(workspace), TASKS[:1], np.random.default_rng(0))[TASKS[0]]
+        for workspace in (Workspace(), elsewhere)
+    )
+    shift = elsewhere.p_WV - Workspace().p_WV
+    assert np.allclose(here.X_WPs[:, :3, 3] + shift, there.X_WPs[:, :3, 3], atol=2e-4)
+
+
+def test_a_workspace_of_another_size_is_an_error(network: SplitNetwork) -> None:
+    scene = make_scene(Workspace(edge_m=0.4))
+    with pytest.raises(ValueError, match=r"0\.4.*trained for \(0\.3"):
+        SplitDetector(network, SAMPLER).detect(scene, TASKS, np.random.default_rng(0))
+
+
+def test_poses_below_the_threshold_are_rejected(network: SplitNetwork) -> None:
+    scene, rng = make_scene(), np.random.default_rng(0)
+    scores = SplitDetector(network, SAMPLER).sample(scene, TASKS[:1], rng)[TASKS[0]].scores
+    threshold = float(np.median(scores))
+    config = SamplerConfig(samples=16, langevin=SAMPLER.langevin, threshold=threshold)
+    kept = SplitDetector(network, config).detect(scene, TASKS[:1], np.random.default_rng(0))
+    assert len(kept[TASKS[0]]) == np.count_nonzero(scores >= threshold)
+    assert 0 < len(kept[TASKS[0]]) < len(scores)
+    assert kept[TASKS[0]].scores.min() >= threshold
+
+
+def test_all_rejected_gives_an_empty_pose_set(network: SplitNetwork) -> None:
+    config = SamplerConfig(samples=16, langevin=SAMPLER.langevin, threshold=0.999)
+    found = SplitDetector(network, config).detect(make_scene(), TASKS, np.random.default_rng(0))
+    assert [len(found[task]) for task in TASKS] == [0, 0, 0]
+
+
+def test_an_integrator_takes_the_place_of_the_dynamics(network: SplitNetwork) -> None:
+    starts: list[np.ndarray] = []
+    detector = SplitDetector(network, SAMPLER, integrator=lambda score, X, *_, confine, callback: X)
+    samples = detector.sample(make_scene(), TASKS[:1], np.random.default_rng(0))
+    SplitDetector(network, SAMPLER).sample(
+        make_scene(),
+        TASKS[:1],
+        np.random.default_rng(0),
+        callback=lambda step, X_VPs: starts.append(X_VPs.numpy().copy()),
+    )
+    p_WPs = starts[0][0, :, :3, 3] + Workspace().p_WV
+    assert np.allclose(samples[TASKS[0]].X_WPs[:, :3, 3], p_WPs)
+    assert len(starts) == SAMPLER.langevin.steps + SAMPLER.langevin.final_steps + 1
+
+
+@pytest.mark.parametrize("options", [{"samples": 0}, {"threshold": 1.5}])
+def test_impossible_sampler_options_are_errors(options: dict[str, float]) -> None:
+    (name,) = options
+    with pytest.raises(ValueError, match=name):
+        SamplerConfig(**options)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def checkpoint(tmp_path: Path, network: SplitNetwork) -> Path:
+    path = tmp_path / "split.safetensors"
+    info = CheckpointInfo(
+        config=network.config,
+        training={"minutes": 1.0},
+        seed=3,
+        dataset_hash="d4ta",
+        commit="c0ffee",
+        steps=10,
+        scenes=80,
+        metrics={"grasp": 0.5},
+    )
+    save_checkpoint(path, network, info)
+    return path
+
+
+def test_checkpoint_rebuilds_network_and_provenance(
+    checkpoint: Path, network: SplitNetwork
+) -> None:
+    loaded, info = load_checkpoint(checkpoint)
+    assert info.config == network.config
+    assert (info.seed, info.dataset_hash, info.commit) == (3, "d4ta", "c0ffee")
+    assert (info.steps, info.scenes, info.metrics) == (10, 80, {"grasp": 0.5})
+    assert not loaded.training
+    poses = [
+        SplitDetector(n, SAMPLER).detect(make_scene(), TASKS, np.random.default_rng(0))
+        for n in (network, loaded)
+    ]
+    for task in TASKS:
+        assert np.array_equal(poses[0][task].X_WPs, poses[1][task].X_WPs)
+
+
+def test_missing_checkpoint_is_named(tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError, match=r"absent\.safetensors does not exist"):
+        load_checkpoint(tmp_path / "absent.safetensors")
+
+
+def test_damaged_checkpoint_is_an_error(checkpoint: Path) -> None:
+    checkpoint.write_bytes(checkpoint.read_bytes()[:-100])
+    with pytest.raises(CheckpointError, match="damaged"):
+        load_checkpoint(checkpoint)
+
+
+def rewrite(path: Path, metadata: dict[str, str]) -> None:
+    """Write the tensors in `path` back with other metadata."""
+    save_file(load_file(path), path, metadata)
+
+
+def test_foreign_checkpoint_is_an_error(checkpoint: Path) -> None:
+    rewrite(checkpoint, {"format": "pt"})
+    with pytest.raises(CheckpointError, match=r"format 'pt'; expected 'split_drake\.split'"):
+        load_checkpoint(checkpoint)
+
+
+def test_checkpoint_of_another_version_is_an_error(checkpoint: Path) -> None:
+    rewrite(checkpoint, {"format": "split_drake.split", "format_version": "99"})
+    with pytest.raises(CheckpointError, match="version 99; this code reads version 1"):
+        load_checkpoint(checkpoint)
+
+
+def test_weights_of_another_architecture_are_an_error(checkpoint: Path) -> None:
+    _, info = load_checkpoint(checkpoint)
+    config = {"channels": [4, 8, 8], "context_grids": [0, 1, 3], "width": 64, "noise": {}}
+    values = {
+        "config": config,
+        "training": {},
+        "seed": info.seed,
+        "dataset_hash": "",
+        "commit": "",
+        "steps": 1,
+        "scenes": 8,
+    }
+    version = {"format": "split_drake.split", "format_version": "1"}
+    rewrite(checkpoint, version | {"info": json.dumps(values)})
+    with pytest.raises(CheckpointError, match="does not describe the network it holds"):
+        load_checkpoint(checkpoint)
+    values["config"] = config | {"widht": 3}
+    rewrite(checkpoint, version | {"info": json.dumps(values)})
+    with pytest.raises(CheckpointError, match="widht"):
+        load_checkpoint(checkpoint)
+
+
+@pytest.mark.parametrize(
+    "info", ["null", '"x"', "3", '{"config": null}', "{}", '{"config": []}', "{"]
+)
+def test_malformed_provenance_is_an_error(checkpoint: Path, info: str) -> None:
+    rewrite(checkpoint, {"format": "split_drake.split", "format_version": "1", "info": info})
+    with pytest.raises(CheckpointError, match="does not describe the network it holds"):
+        load_checkpoint(checkpoint)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_weights_that_are_not_finite_are_neither_loaded_nor_saved(
+    checkpoint: Path, value: float
+) -> None:
+    network, info = load_checkpoint(checkpoint)
+    tensors = load_file(checkpoint)
+    with safe_open(checkpoint, framework="pt") as file:
+        metadata = file.metadata()
+    tensors["score_head.output.bias"][2] = value
+    save_file(tensors, checkpoint, metadata)
+    with pytest.raises(CheckpointError, match=r"1 of \d+ tensors .* score_head\.output\.bias"):
+        load_checkpoint(checkpoint)
+    network.encoder.blocks[0].reduce[1].running_var[0] = value
+    before = checkpoint.read_bytes()
+    with pytest.raises(CheckpointError, match=r"running_var among them"):
+        save_checkpoint(checkpoint, network, info)
+    assert checkpoint.read_bytes() == before
+    assert [path.name for path in checkpoint.parent.iterdir()] == [checkpoint.name]
+
+
+def test_where_a_network_comes_from_is_kept(checkpoint: Path, network: SplitNetwork) -> None:
+    _, info = load_checkpoint(checkpoint)
+    assert (info.earlier_commits, info.parent) == ((), None)
+    further = replace(info, earlier_commits=("f00d",), parent={"sha256": "ab", "steps": 3})
+    save_checkpoint(checkpoint, network, further)
+    assert load_checkpoint(checkpoint)[1] == further
+
+
+def test_a_widened_detector_differs_in_the_temperature_alone(network: SplitNetwork) -> None:
+    detector = SplitDetector(network, SamplerConfig(samples=7))
+    wide = detector.widened()
+    langevin = replace(detector.config.langevin, temperature=WIDE_TEMPERATURE)
+    assert wide.config == replace(detector.config, langevin=langevin) != detector.config
+
+
+def test_the_scenes_of_all_ancestors_are_counted(checkpoint: Path) -> None:
+    _, info = load_checkpoint(checkpoint)
+    grandparent = {"scenes": 4, "parent": None}
+    info = replace(info, scenes=2, parent={"scenes": 3, "parent": grandparent})
+    assert info.scenes_in_all == 9
+
+
+def test_the_weights_of_the_project_are_usable_small_and_documented() -> None:
+    assert default_weights().stat().st_size <= 20e6
+    network, info = load_checkpoint(default_weights())
+    assert info.config == SplitConfig() == network.config
+    assert re.fullmatch(r"[0-9a-f]{64}", info.dataset_hash)
+    assert re.match(r"[0-9a-f]{40}", info.commit)
+    assert info.steps > 0
+
+
+def test_the_weights_of_the_project_tell_what_they_reached() -> None:
+    """On other mugs than they were trained on."""
+    _, info = load_checkpoint(default_weights())
+    assert info.metrics, "not evaluated: training.evaluate --ship records the metrics"
+    assert info.metrics["mugs"] == "test"
+    assert not info.commit.endswith("-dirty")
+    for task in TASKS:
+        assert info.metrics[task]["top_good"]["all"]["share"] > 0.9

@@ -1,0 +1,87 @@
+"""The fast way to scores and logits against the network itself."""
+
+import pytest
+import torch
+from torch import Tensor
+
+from split_drake.pose_task import PoseTask
+from split_drake.split.checkpoint import default_weights, load_checkpoint
+from split_drake.split.inference import ScenePredictor
+from split_drake.split.network import TASKS, SplitConfig, SplitNetwork
+from split_drake.split.se3 import compose, uniform_rotations
+
+SMALL = {"channels": (4, 8, 80), "width": 32, "layers": 4, "context_grids": (0, 1, 3)}
+# Some grids looked up and one folded, all folded, none folded, and the variants of the network.
+CONFIGS = {
+    "mixed": SplitConfig(**(SMALL | {"channels": (4, 8, 80, 96), "context_grids": (0, 1, 3, 4)})),
+    "folded": SplitConfig(**(SMALL | {"channels": (4, 8, 80, 96, 128), "context_grids": (4, 5)})),
+    "looked up": SplitConfig(**(SMALL | {"context_grids": (0, 1)})),
+    "global context": SplitConfig(**SMALL, context="global"),
+    "global frame": SplitConfig(**SMALL, score_frame="global"),
+}
+
+
+def randomized(config: SplitConfig) -> SplitNetwork:
+    """Return a network in inference mode, all of whose numbers matter, with outputs of about 1."""
+    torch.manual_seed(0)
+    network = SplitNetwork(config)
+    for head in (network.score_head, network.evaluator_head):
+        torch.nn.init.normal_(head.output.weight, std=0.1)
+        torch.nn.init.normal_(head.film.bias, std=0.1)
+        for norm in head.norms:
+            torch.nn.init.normal_(norm.get_parameter("weight"), mean=1.0, std=0.1)
+            torch.nn.init.normal_(norm.get_parameter("bias"), std=0.1)
+    return network.eval()
+
+
+def occupied_grid() -> Tensor:
+    """Return a (64, 64, 64) grid with a shell of occupied voxels."""
+    axis = torch.arange(64) - 32.0
+    squares = axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2
+    return (squares > 12.0**2) & (squares < 14.0**2)
+
+
+def poses(tasks: int, samples: int) -> Tensor:
+    """Return random poses (tasks, samples, 4, 4), in the cube, on its faces and on its corners."""
+    generator = torch.Generator().manual_seed(0)
+    share = 1.2 * torch.rand((tasks, samples, 3), generator=generator) - 0.1
+    return compose(uniform_rotations((tasks, samples), generator), 0.3 * share.clamp(0.0, 1.0))
+
+
+def assert_like_the_network(
+    network: SplitNetwork, tasks: tuple[PoseTask, ...], samples: int = 48
+) -> None:
+    """Compare scores and logits at so many poses a task."""
+    X_VPs, occupied = poses(len(tasks), samples), occupied_grid()
+    indices = torch.tensor([TASKS.index(task) for task in tasks])
+    with torch.inference_mode():
+        tables = network.encode(occupied[None])
+        context = network.local_context(tables, X_VPs.flatten(0, 1)[None])
+        context = context.view(len(tasks), samples, -1)
+        predictor = ScenePredictor(network, occupied, tasks)
+        for sigma in (0.03, 0.4, 1.5):
+            expected = network.score(context, indices, torch.full((len(tasks),), sigma))
+            torch.testing.assert_close(
+                predictor.score(X_VPs, sigma), expected, rtol=1e-4, atol=1e-5
+            )
+        expected = network.evaluate(context, indices)
+        torch.testing.assert_close(predictor.evaluate(X_VPs), expected, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_predictions_are_those_of_the_network(name: str) -> None:
+    assert_like_the_network(randomized(CONFIGS[name]), TASKS)
+
+
+@pytest.mark.parametrize("tasks", [TASKS[1:], TASKS[::-1], (PoseTask.UPRIGHT,)])
+def test_predictions_are_those_of_the_tasks_asked_for(tasks: tuple[PoseTask, ...]) -> None:
+    assert_like_the_network(randomized(CONFIGS["mixed"]), tasks)
+
+
+@pytest.mark.parametrize("samples", [1, 7, 16, 50])
+def test_predictions_do_not_depend_on_how_many_there_are(samples: int) -> None:
+    assert_like_the_network(randomized(CONFIGS["mixed"]), TASKS[:2], samples)
+
+
+def test_predictions_of_the_shipped_weights_are_those_of_the_network() -> None:
+    assert_like_the_network(load_checkpoint(default_weights())[0], TASKS)

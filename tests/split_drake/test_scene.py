@@ -1,0 +1,125 @@
+"""Depth views and scenes."""
+
+import numpy as np
+import pytest
+
+from split_drake.camera import DepthView, Intrinsics, look_at
+from split_drake.scene import EmptySceneError, Scene, Workspace, farthest_points, occupancy_grid
+from split_drake.station.layout import Layout
+
+TOP = Layout().cameras[0]
+BOX_TOP_M = 0.102
+
+
+def box_view() -> DepthView:
+    """The top camera above a table with a box of 6 cm by 6 cm and 10 cm height at its centre."""
+    depth = np.full((480, 640), 0.6, dtype=np.float32)
+    half = round(0.03 * TOP.intrinsics.fx / (0.6 - BOX_TOP_M))
+    depth[240 - half : 240 + half, 320 - half : 320 + half] = 0.6 - BOX_TOP_M
+    return DepthView(depth, TOP.intrinsics, TOP.X_WC)
+
+
+def test_points_are_where_they_were_seen() -> None:
+    points = Scene.from_views([box_view()]).p_WPs
+    np.testing.assert_allclose(points[:, 2], BOX_TOP_M, atol=1e-5)
+    np.testing.assert_allclose(points[:, :2].mean(axis=0), (0.5, 0.0), atol=1e-3)
+    np.testing.assert_allclose(np.ptp(points[:, :2], axis=0), 0.06, atol=2e-3)
+
+
+def test_pixels_are_unprojected_as_opencv_does() -> None:
+    depth = np.zeros((4, 5), dtype=np.float32)
+    depth[3, 1] = 2.0
+    view = DepthView(depth, Intrinsics(5, 4, fx=2.0, fy=4.0, cx=2.0, cy=1.5), np.eye(4))
+    np.testing.assert_allclose(view.points(), [[2.0 * (1 - 2) / 2, 2.0 * (3 - 1.5) / 4, 2.0]])
+
+
+def test_cameras_see_the_workspace_centre_in_their_middle() -> None:
+    layout = Layout()
+    for camera in layout.cameras:
+        p_CCenter = np.linalg.inv(camera.X_WC) @ (*layout.workspace.p_WCenter, 1.0)
+        np.testing.assert_allclose(p_CCenter[:3], (0.0, 0.0, 0.6), atol=1e-12)
+
+
+def test_the_table_is_left_out_and_the_grid_matches_the_points() -> None:
+    scene = Scene.from_views([box_view()])
+    grid = scene.grid()
+    assert grid.shape == (64, 64, 64)
+    assert grid is scene.grid()
+    z_index = int((BOX_TOP_M + 0.05) / 0.3 * 64)
+    assert set(np.nonzero(grid)[2]) == {z_index}
+    assert 150 < grid.sum() < 200  # a square of 6 cm in voxels of 4.7 mm
+
+
+def test_sampling_spreads_points() -> None:
+    points = np.random.default_rng(0).uniform(size=(5000, 3))
+    sampled = farthest_points(points, 100)
+    distances = np.linalg.norm(sampled[:, None] - sampled[None], axis=-1) + 9.0 * np.eye(100)
+    random_distances = np.linalg.norm(points[:100, None] - points[None, :100], axis=-1)
+    assert distances.min() > 5.0 * (random_distances + 9.0 * np.eye(100)).min()
+
+
+def test_few_points_are_repeated() -> None:
+    sampled = farthest_points(np.arange(9.0).reshape(3, 3), 7)
+    assert sampled.shape == (7, 3)
+    assert len(np.unique(sampled, axis=0)) == 3
+
+
+def test_points_outside_the_grid_are_ignored() -> None:
+    workspace = Workspace()
+    corner = workspace.p_WV
+    points = np.array([corner + 1e-6, corner - 1e-3, corner + 0.3 + 1e-3])
+    grid = occupancy_grid(points, workspace, 64)
+    assert grid.sum() == 1
+    assert grid[0, 0, 0]
+
+
+def test_noise_is_off_by_default_seeded_and_only_on_the_sampled_points() -> None:
+    clean = Scene.from_views([box_view()])
+    assert np.isin(clean.p_WSs[:, 0], clean.p_WPs[:, 0]).all()
+    noisy = clean.with_noise(0.005, np.random.default_rng(3))
+    again = clean.with_noise(0.005, np.random.default_rng(3))
+    np.testing.assert_array_equal(noisy.p_WSs, again.p_WSs)
+    np.testing.assert_array_equal(noisy.p_WPs, clean.p_WPs)
+    assert np.std(noisy.p_WSs - clean.p_WSs) == pytest.approx(0.005, rel=0.05)
+    with pytest.raises(ValueError, match="noise_m is -1"):
+        clean.with_noise(-1.0, np.random.default_rng(0))
+
+
+def view_of(depth: np.ndarray, X_WC: np.ndarray = TOP.X_WC) -> DepthView:
+    return DepthView(depth, TOP.intrinsics, X_WC)
+
+
+def test_bad_depth_is_named() -> None:
+    good = np.full((480, 640), 0.6)
+    nan = good.copy()
+    nan[2, 3] = np.nan
+    with pytest.raises(ValueError, match="looks like millimetres"):
+        view_of(1000.0 * good)
+    with pytest.raises(ValueError, match="1 NaN"):
+        view_of(nan)
+    with pytest.raises(ValueError, match=r"shape \(640, 480\)"):
+        view_of(good.T)
+    with pytest.raises(ValueError, match="expected metres >= 0"):
+        view_of(-good)
+
+
+def test_bad_camera_poses_are_named() -> None:
+    good = np.full((480, 640), 0.6)
+    with pytest.raises(ValueError, match=r"X_WC.*orthonormal|rotation of X_WC"):
+        view_of(good, np.diag([1.0, 1.0, 0.5, 1.0]))
+    with pytest.raises(ValueError, match=r"X_WC has shape \(3, 4\)"):
+        view_of(good, np.eye(4)[:3])
+
+
+def test_bad_intrinsics_and_views_are_named() -> None:
+    with pytest.raises(ValueError, match="fx=0"):
+        Intrinsics(640, 480, 0.0, 540.0, 320.0, 240.0)
+    with pytest.raises(ValueError, match="parallel"):
+        look_at((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+
+
+def test_an_empty_cloud_is_an_error() -> None:
+    with pytest.raises(EmptySceneError, match="none of the 0 points seen above the table"):
+        Scene.from_views([view_of(np.full((480, 640), 0.6))])
+    with pytest.raises(ValueError, match="no depth views"):
+        Scene.from_views([])

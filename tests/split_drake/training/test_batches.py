@@ -1,0 +1,194 @@
+"""Training batches: augmented alike, drawn by weight and state, labelled by displacement."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from helpers.training import (
+    BATCH,
+    BLOCKED_M,
+    FALSE_M,
+    FIRM_M,
+    LONGER_M,
+    NETWORK,
+    WEAK_M,
+    make_scenes,
+    scenes_on_cpu,
+)
+
+from split_drake.data.grasp_candidates import GraspState
+from split_drake.pose_task import PoseTask
+from split_drake.poses import invert_pose
+from split_drake.scene import Workspace, occupancy_grid
+from split_drake.split.diffusion import displacement, move
+from split_drake.split.network import SplitConfig
+from split_drake.training import augmentation
+from split_drake.training.augmentation import AugmentationConfig
+from split_drake.training.batches import BatchConfig, TrainingBatch, draw_batch
+from split_drake.training.training_scenes import TrainingScenes
+
+STILL = AugmentationConfig(shift_m=0.0, scale=0.0, noise_m=(0.0, 0.0))
+
+
+def seeded(seed: int = 0) -> torch.Generator:
+    """Return a generator on the CPU."""
+    return torch.Generator().manual_seed(seed)
+
+
+def draw(config: BatchConfig = BATCH, seed: int = 0) -> TrainingBatch:
+    """Return a batch of posts."""
+    return draw_batch(scenes_on_cpu(), config, NETWORK, seeded(seed))
+
+
+def test_voxels_are_those_of_a_scene() -> None:
+    rng = np.random.default_rng(0)
+    points = Workspace().p_WV + rng.uniform(-0.02, 0.32, (2, 500, 3))
+    grids = augmentation.voxelize(torch.tensor(points - Workspace().p_WV), SplitConfig())
+    for grid, cloud in zip(grids, points, strict=True):
+        assert np.array_equal(grid.numpy(), occupancy_grid(cloud, Workspace(), 64))
+
+
+def test_similarity_carries_points_and_poses_alike() -> None:
+    similarity = augmentation.Similarity.draw(4, AugmentationConfig(), NETWORK, seeded())
+    scenes = scenes_on_cpu()
+    points, X_VUs = scenes.p_VSs[:4], scenes.X_VUs[:4]
+    moved = similarity.poses(X_VUs)[:, 0].double().numpy()
+    p_USs = in_frames(X_VUs[:, 0].double().numpy(), points)
+    after = in_frames(moved, similarity.points(points))
+    assert np.allclose(after, similarity.scale.numpy()[:, None, None] * p_USs, atol=1e-5)
+    assert similarity.scale.std() > 0.0
+    heights_m = moved[:, 2, 3]
+    assert np.allclose(heights_m, NETWORK.table_m, atol=1e-6)
+
+
+def in_frames(X_VUs: np.ndarray, p_VSs: torch.Tensor) -> np.ndarray:
+    """Return points (B, N, 3) of V in the frames U (B, 4, 4)."""
+    X_UVs = invert_pose(X_VUs)
+    return p_VSs.numpy() @ np.swapaxes(X_UVs[:, :3, :3], -1, -2) + X_UVs[:, None, :3, 3]
+
+
+def test_noise_of_a_scene_has_one_size_and_may_be_next_to_none() -> None:
+    clean = torch.zeros(400, 500, 3)
+    spread_m = augmentation.add_noise(clean, AugmentationConfig(), seeded()).std((1, 2))
+    assert spread_m.min() < 0.0005
+    assert 0.0075 < spread_m.max() < 0.0085
+    assert spread_m.mean().item() == pytest.approx(0.004, abs=0.0004)
+
+
+def test_half_turns_are_about_the_approach_and_as_frequent_as_not() -> None:
+    X = scenes_on_cpu().X_VHs.repeat(50, 1, 1, 1)
+    turned = augmentation.half_turned(X, seeded())
+    assert torch.equal(turned[..., 2:], X[..., 2:])
+    assert torch.allclose(torch.linalg.det(turned[..., :3, :3]), torch.ones(X.shape[:2]))
+    along = (turned[..., :3, 0] * X[..., :3, 0]).sum(-1)
+    assert torch.allclose(along.abs(), torch.ones(X.shape[:2]))
+    assert 0.45 < (along > 0.0).float().mean() < 0.55
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"noise_m": (0.002, 0.001)}, {"noise_m": (-0.001, 0.0)}, {"scale": 1.0}, {"shift_m": -0.01}],
+)
+def test_impossible_augmentation_is_an_error(values: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=f"{next(iter(values))}.*expected"):
+        AugmentationConfig(**values)  # type: ignore[arg-type]
+
+
+def heights_above_foot(X_VGs: torch.Tensor, scenes: TrainingScenes) -> np.ndarray:
+    """Return the heights (B, N) of grasps above the feet of all posts, to 0.1 mm."""
+    return (X_VGs[..., 2, 3] - scenes.X_VOs[:, None, 2, 3]).double().numpy().round(4)
+
+
+def test_true_grasps_are_drawn_by_weight_where_they_are_true() -> None:
+    scenes = scenes_on_cpu()
+    drawn = scenes.true_grasps(torch.arange(12), 4000, seeded())
+    heights_m = heights_above_foot(drawn, scenes) - LONGER_M * scenes.mug_index[:, None].numpy()
+    for scene, found in enumerate(heights_m.round(4)):
+        shares = [np.mean(found == height) for height in (FIRM_M, WEAK_M, BLOCKED_M)]
+        expected = (0.5, 0.25, 0.25) if scene % 2 == 0 else (2 / 3, 1 / 3, 0.0)
+        assert shares == pytest.approx(expected, abs=0.04)
+    side = drawn[..., :2, 3] - scenes.X_VOs[:, None, :2, 3]
+    assert side.abs().max() < 1e-6
+
+
+def test_false_grasps_are_those_of_their_scene() -> None:
+    scenes = scenes_on_cpu()
+    drawn = scenes.false_grasps(torch.arange(12), 200, seeded())
+    heights_m = heights_above_foot(drawn, scenes) - LONGER_M * scenes.mug_index[:, None].numpy()
+    for scene, found in enumerate(heights_m.round(4)):
+        assert set(found) == ({FALSE_M} if scene % 2 == 0 else {FALSE_M, BLOCKED_M})
+
+
+@pytest.mark.parametrize(("state", "kind"), [(1, "true grasp"), (2, "false grasp")])
+def test_scenes_without_true_or_false_grasps_are_an_error(state: int, kind: str) -> None:
+    arrays = make_scenes()
+    states = arrays.grasp_states.copy()
+    states[5][states[5] == state] = GraspState.PADDING
+    with pytest.raises(ValueError, match=f"1 of 12 scenes, 5 the first, have no {kind}"):
+        TrainingScenes.from_arrays(
+            replace(arrays, grasp_states=states), Workspace().p_WV, torch.device("cpu")
+        )
+
+
+def test_batches_hold_what_their_description_says() -> None:
+    batch = draw()
+    assert batch.occupied.shape == (4, 64, 64, 64)
+    assert batch.tasks.tolist() == [0, 0, 1, 1, 2, 2, 0]
+    assert batch.task_groups == (2, 2, 2)
+    assert batch.X_VPs.shape == (4, 28, 4, 4)
+    assert batch.sigma.shape == (4, 6)
+    assert batch.target.shape == (4, 6, 4, 6)
+    assert batch.label.shape == (4, 7, 4)
+    assert batch.occupied.flatten(1).sum(1).min() > 100
+    assert NETWORK.noise.sigma_min <= batch.sigma.min() < batch.sigma.max() <= 1.5
+
+
+def test_tasks_may_be_left_out() -> None:
+    config = replace(BATCH, grasps=0, uprights=0, negatives=0)
+    batch = draw(config)
+    assert config.tasks == (PoseTask.HANDLE,)
+    assert (batch.tasks.tolist(), batch.task_groups) == ([1, 1], (2,))
+    assert (batch.X_VPs.shape, batch.label.shape) == ((4, 8, 4, 4), (4, 2, 4))
+
+
+@pytest.mark.parametrize(
+    ("counts", "message"),
+    [
+        ({"grasps": 6}, "multiples of poses_per_sigma=4"),
+        ({"negatives": -4}, "multiples of poses_per_sigma=4"),
+        ({"grasps": 0, "handles": 0, "uprights": 0}, "expected one above 0"),
+        ({"scenes": 0}, "scenes=0"),
+        ({"poses_per_sigma": 0}, "poses_per_sigma=0; expected 1 or more"),
+    ],
+)
+def test_impossible_counts_are_an_error(counts: dict[str, int], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        replace(BATCH, **counts)
+
+
+def test_labels_follow_the_size_of_the_perturbation() -> None:
+    batch = draw(replace(BATCH, scenes=64))
+    moved = (batch.target * batch.sigma[..., None, None]).square().mean(-1).sqrt()
+    limit = 0.03 * 50**0.3
+    assert torch.equal(batch.label[:, :6].bool(), moved < limit)
+    assert not batch.label[:, 6:].any()
+    assert 0.15 < batch.label[:, :6].mean() < 0.45
+
+
+def test_batches_depend_on_nothing_but_the_generator() -> None:
+    first, again, other = draw(seed=5), draw(seed=5), draw(seed=6)
+    for name in ("X_VPs", "occupied", "target", "label"):
+        assert torch.equal(getattr(first, name), getattr(again, name)), name
+        assert not torch.equal(getattr(first, name), getattr(other, name)), name
+
+
+def test_target_points_from_the_noisy_pose_to_a_true_one() -> None:
+    """Without augmentation a step along the target ends at a pose of the data set."""
+    batch = draw(replace(BATCH, augmentation=STILL, uprights=4))
+    noisy = batch.X_VPs[:, : batch.target.shape[1] * 4].unflatten(1, (-1, 4))
+    step = batch.sigma[..., None, None] * batch.target
+    reached = move(noisy, step, NETWORK.noise.length_m)[:, -1, :, :3, 3]
+    assert torch.allclose(reached[..., 2], torch.tensor(NETWORK.table_m), atol=1e-5)
+    spread = displacement(noisy[:, -1, :1], noisy[:, -1, 1:2], 0.06).norm(dim=-1)
+    assert spread.min() > 1e-3
