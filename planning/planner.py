@@ -1,7 +1,9 @@
-"""The planner protocol and the registry of planners."""
+"""The planner protocol and the registry of planners: every file in `planning/planners` is one."""
 
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
 from typing import Protocol
 
 import numpy as np
@@ -21,8 +23,6 @@ class Planner(Protocol):
         ...
 
 
-# Modules that register planners; imported when a planner is first asked for.
-_MODULES = ("planning.pick_place.search", "planning.planners.rrt", "planning.planners.gcs")
 _FACTORIES: dict[str, Callable[[], Planner]] = {}
 
 
@@ -39,9 +39,9 @@ def register_planner(name: str) -> Callable[[Callable[[], Planner]], Callable[[]
 
 
 def planner_names() -> tuple[str, ...]:
-    """Return the names of all registered planners."""
-    for module in _MODULES:
-        import_module(module)
+    """Return the names of all planners: those in `planning/planners`, and any registered beside."""
+    for module in iter_modules([str(Path(__file__).with_name("planners"))]):
+        import_module(f"planning.planners.{module.name}")
     return tuple(sorted(_FACTORIES))
 
 

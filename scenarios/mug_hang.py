@@ -10,6 +10,7 @@ import json
 import math
 import os
 import time
+from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
@@ -17,20 +18,18 @@ from typing import Any, Literal
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from planning.planner import planner_names
+from planning.problem import Subgoal
 from scenarios.trials.mug_check import check_mugs
 from scenarios.trials.pose_noise import PoseNoise
-from scenarios.trials.records import TrialRecord, read_records
+from scenarios.trials.records import TrialRecord, success_rate, trial_run
 from scenarios.trials.report import print_report, run_title, write_report
 from scenarios.trials.spec import TrialSpec
 from scenarios.trials.trial import crashed_trial, run_trial
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
-from split_drake.experiments.run import claim_folder
-from split_drake.experiments.statistics import Rate
-from split_drake.files import write_atomically
+from split_drake.experiments.run import RunFolder, as_json
 from split_drake.objects.mug_source import MugSource
 
 
@@ -106,14 +105,14 @@ class MugHangOptions:
 
 
 # What may differ when a run goes on: none of it changes an outcome.
-_FREE_KEYS = ("trials", "workers", "record", "out")
+FREE_KEYS = ("trials", "workers", "record", "out")
 
 
 def run_config(options: MugHangOptions) -> dict[str, Any]:
     """Return the content of config.json."""
     from split_drake.split.checkpoint import default_weights
 
-    config = {key: str(v) if isinstance(v, Path) else v for key, v in asdict(options).items()}
+    config = as_json(asdict(options))
     source = MugSource(options.mugs)
     if source.folder is not None:
         config["mesh_sha256"] = {name: source.mesh_sha256(name) for name in source.names()}
@@ -123,17 +122,27 @@ def run_config(options: MugHangOptions) -> dict[str, Any]:
     return {**config, **code_version()}
 
 
-def open_run(folder: Path, config: dict[str, Any]) -> list[TrialRecord]:
-    """Write config.json and return the records of trials asked for that the folder holds already.
-
-    Raises ValueError where they were made with other options, weights or code.
-    """
-    claim_folder(folder, config, _FREE_KEYS)
-    log = folder / "trials.jsonl"
-    records = read_records(log)
-    # A kill may have cut off the last line; what is appended must start on one of its own.
-    write_atomically(log, "".join(record.to_json() + "\n" for record in records))
-    return [record for record in records if record.index < config["trials"]]
+def specs_of(options: MugHangOptions, folder: Path, done: Collection[int]) -> list[TrialSpec]:
+    """Return the trials of a run, without those whose indices are `done`."""
+    return [
+        TrialSpec(
+            index=index,
+            seed=options.seed + index,
+            mugs=MugSource(options.mugs),
+            task=Subgoal(options.task),
+            detector=options.detector,
+            planner=options.planner,
+            checkpoint=options.checkpoint,
+            noise_m=options.noise_m,
+            record=options.record,
+            folder=folder,
+            pose_noise=options.pose_noise,
+            feedback=options.feedback,
+            check_plans=options.check_plans,
+        )
+        for index in range(options.trials)
+        if index not in done
+    ]
 
 
 def earlier_wall_s(folder: Path) -> float:
@@ -143,25 +152,24 @@ def earlier_wall_s(folder: Path) -> float:
 
 
 def run_missing(
-    specs: list[TrialSpec], records: list[TrialRecord], workers: int, console: Console
+    run: RunFolder[TrialRecord], specs: list[TrialSpec], workers: int, console: Console
 ) -> None:
-    """Run the trials, appending each record to the list and to trials.jsonl as it ends."""
-    pool = WorkerPool(run_trial, crashed_trial, min(workers, len(specs)))
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
-    with (
-        (specs[0].folder / "trials.jsonl").open("a") as log,
-        Progress(*columns, TimeRemainingColumn(), console=console) as progress,
-    ):
-        bar = progress.add_task("", total=len(records) + len(specs), completed=len(records))
-        for record in pool.run(specs):
-            log.write(record.to_json() + "\n")
-            log.flush()
-            records.append(record)
-            if not record.succeeded:
-                progress.console.print(
-                    f"trial {record.index} ({record.mug}): {record.outcome}: {record.reason}"
-                )
-            progress.update(bar, advance=1, description=str(Rate.of(records)))
+    """Run the trials, and log each as it ends."""
+    pool = WorkerPool(run_trial, workers, crashed_trial)
+    run.collect(
+        pool.run(specs),
+        len(specs),
+        console,
+        describe=lambda records: str(success_rate(records)),
+        remark=_failure,
+    )
+
+
+def _failure(record: TrialRecord) -> str:
+    """Return a line that says how a trial failed; an empty one where it did not."""
+    if record.succeeded:
+        return ""
+    return f"trial {record.index} ({record.mug}): {record.outcome}: {record.reason}"
 
 
 def main(options: MugHangOptions) -> Path:
@@ -169,22 +177,20 @@ def main(options: MugHangOptions) -> Path:
     console = Console()
     started = time.monotonic()
     folder = options.out or Path("runs/mug_hang") / datetime.now().strftime("%Y%m%d-%H%M%S")
-    config = run_config(options)
-    records, before_s = open_run(folder, config), earlier_wall_s(folder)
-    done = {record.index for record in records}
-    specs = [TrialSpec.of(options, i, folder) for i in range(options.trials) if i not in done]
+    config, run = run_config(options), trial_run(folder)
+    run.claim(config, FREE_KEYS)
+    before_s = earlier_wall_s(folder)
+    specs = specs_of(options, folder, {record.index for record in run.records()})
     source = MugSource(options.mugs)
     if specs and source.folder is not None:
         check_mugs(source, folder, options.detector == "oracle", options.workers, console)
     try:
-        if specs:
-            run_missing(specs, records, options.workers, console)
-    except KeyboardInterrupt:
-        console.print(f"interrupted; --out {folder} goes on from here")
+        run_missing(run, specs, options.workers, console)
     finally:
-        records.sort(key=lambda record: record.index)
-        write_report(folder, records, config, before_s + time.monotonic() - started)
-    print_report(console, records, run_title(config))
+        asked = [record for record in run.records() if record.index < options.trials]
+        asked.sort(key=lambda record: record.index)
+        write_report(folder, asked, config, before_s + time.monotonic() - started)
+    print_report(console, asked, run_title(config))
     console.print(f"results: {folder / 'index.html'}")
     return folder
 

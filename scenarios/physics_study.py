@@ -9,21 +9,24 @@ same --out goes on where an interrupted study stopped.
 """
 
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from scenarios.study.cells import FACTORS, Cell, Factor, study_cells
 from scenarios.study.report import print_study, study_rows, write_study
-from scenarios.study.trials import StudyRecord, StudyTrial, crashed_study_trial, run_study_trial
+from scenarios.study.trials import (
+    StudyRecord,
+    StudyTrial,
+    crashed_study_trial,
+    run_study_trial,
+    study_run,
+)
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version
-from split_drake.experiments.run import claim_folder, read_json_lines
-from split_drake.files import write_atomically
 
 _FREE_KEYS = ("out", "trials", "factors", "workers")
 
@@ -59,59 +62,28 @@ class StudyOptions:
             raise ValueError(f"--workers is {self.workers}; expected at least 1")
 
 
-def open_study(options: StudyOptions) -> list[StudyRecord]:
-    """Write config.json, and return what the folder holds already of any cell.
-
-    Raises ValueError where it was made with other options or code.
-    """
-    config: dict[str, Any] = {**asdict(options), "out": str(options.out)}
-    config |= {"factors": list(options.factors)}
-    config |= code_version()
-    claim_folder(options.out, config, _FREE_KEYS)
-    log = options.out / "trials.jsonl"
-    records = [StudyRecord(**fields) for fields in read_json_lines(log)]
-    # A kill may have cut off the last line; what is appended must start on one of its own.
-    write_atomically(log, "".join(record.to_json() + "\n" for record in records))
-    return records
-
-
-def run_missing(
-    options: StudyOptions, cells: tuple[Cell, ...], records: list[StudyRecord], console: Console
-) -> None:
-    """Run what is missing, appending each record to the list and to trials.jsonl as it ends."""
+def missing_trials(
+    options: StudyOptions, cells: Sequence[Cell], records: Sequence[StudyRecord]
+) -> list[StudyTrial]:
+    """Return the trials of the cells that have no record yet."""
     done = {(record.cell, record.index) for record in records}
-    trials = [
+    return [
         StudyTrial(cell, index, options.seed + index, options.hold_s, options.out)
         for cell in cells
         for index in range(options.trials)
         if (cell.name, index) not in done
     ]
-    if not trials:
-        return
-    pool = WorkerPool(run_study_trial, crashed_study_trial, min(options.workers, len(trials)))
-    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
-    with (
-        (options.out / "trials.jsonl").open("a") as log,
-        Progress(*columns, TimeRemainingColumn(), console=console) as progress,
-    ):
-        bar = progress.add_task("", total=len(trials))
-        for record in pool.run(trials):
-            log.write(record.to_json() + "\n")
-            log.flush()
-            records.append(record)
-            progress.update(bar, advance=1, description=record.cell)
 
 
 def main(options: StudyOptions) -> None:
     """Run what is missing of the study, and report."""
     console = Console()
-    records, cells = open_study(options), study_cells(options.factors)
-    try:
-        run_missing(options, cells, records, console)
-    except KeyboardInterrupt:
-        console.print(f"interrupted; --out {options.out} goes on from here")
-    asked_for = [record for record in records if record.index < options.trials]
-    rows = study_rows(cells, asked_for)
+    run, cells = study_run(options.out), study_cells(options.factors)
+    run.claim({**asdict(options), **code_version()}, _FREE_KEYS)
+    trials = missing_trials(options, cells, run.records())
+    pool = WorkerPool(run_study_trial, options.workers, crashed_study_trial)
+    run.collect(pool.run(trials), len(trials), console, describe=lambda found: found[-1].cell)
+    rows = study_rows(cells, [record for record in run.records() if record.index < options.trials])
     write_study(options.out, rows)
     print_study(console, rows)
     console.print(f"results: {options.out / 'study.md'}")

@@ -19,22 +19,20 @@ from typing import Any
 
 import tyro
 from rich.console import Console
-from rich.progress import track
 
 from planning.planner import planner_names
 from planning.problem_files import SHIPPED_PROBLEMS, load_problems
 from scenarios.bench.records import (
     BenchRecord,
     BenchTask,
+    bench_run,
     crashed_task,
-    read_bench_records,
     run_task,
 )
 from scenarios.bench.report import print_bench, write_bench_summary
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
-from split_drake.experiments.run import claim_folder
-from split_drake.files import write_atomically
+from split_drake.experiments.run import as_json
 
 
 @dataclass(frozen=True)
@@ -79,10 +77,8 @@ _FREE_KEYS = ("planner", "limit", "out", "problems")
 
 def bench_config(options: BenchOptions) -> dict[str, Any]:
     """Return the content of config.json."""
-    config = {key: str(v) if isinstance(v, Path) else v for key, v in asdict(options).items()}
     return {
-        **config,
-        "planner": list(options.planner),
+        **as_json(asdict(options)),
         "problems_sha256": file_sha256(options.problems),
         "cpus": len(os.sched_getaffinity(0)),
         **code_version(),
@@ -106,36 +102,17 @@ def missing_tasks(
     return tasks
 
 
-def run_missing(
-    tasks: list[BenchTask], records: list[BenchRecord], log: Path, workers: int, console: Console
-) -> None:
-    """Run the tasks, appending each record to the list and to the log as it arises."""
-    pool = WorkerPool(run_task, crashed_task, min(workers, len(tasks)))
-    with log.open("a") as file:
-        for found in track(pool.run(tasks), "planning", total=len(tasks), console=console):
-            file.write(found.to_json() + "\n")
-            file.flush()
-            records.append(found)
-
-
 def main(options: BenchOptions) -> Path:
     """Run what is missing of the bench, report, and return the folder."""
     console = Console()
     folder = options.out or Path("runs/planner_bench") / datetime.now().strftime("%Y%m%d-%H%M%S")
-    config = bench_config(options)
-    claim_folder(folder, config, _FREE_KEYS)
-    log = folder / "results.jsonl"
-    records = read_bench_records(log)
-    # A kill may have cut off the last line; what is appended must start on one of its own.
-    write_atomically(log, "".join(record.to_json() + "\n" for record in records))
+    config, run = bench_config(options), bench_run(folder)
+    run.claim(config, _FREE_KEYS)
     names = list(load_problems(options.problems))[: options.limit]
-    tasks = missing_tasks(options, names, records)
-    try:
-        if tasks:
-            run_missing(tasks, records, log, options.workers, console)
-    except KeyboardInterrupt:
-        console.print(f"interrupted; --out {folder} goes on from here")
-    asked = [r for r in records if r.problem in names and r.planner in options.planner]
+    tasks = missing_tasks(options, names, run.records())
+    pool = WorkerPool(run_task, options.workers, crashed_task)
+    run.collect(pool.run(tasks), len(tasks), console)
+    asked = [r for r in run.records() if r.problem in names and r.planner in options.planner]
     write_bench_summary(folder / "summary.json", asked, options.planner, config)
     print_bench(console, asked, options.planner)
     console.print(f"results: {folder}")

@@ -21,13 +21,13 @@ from rich.progress import track
 
 from planning.problem import PlanningProblem, Subgoal
 from planning.problem_files import compact, save_problems
-from scenarios.trials.detectors import make_detector
+from scenarios.trials.perception import Perceiver
 from scenarios.trials.setup import TrialGenerators, set_up
 from scenarios.trials.spec import TrialSpec
 from split_drake.experiments.pool import WorkerPool
 from split_drake.objects.mug_source import MugSource
 from split_drake.pose_task import PoseTask
-from split_drake.scene import EmptySceneError, Scene
+from split_drake.scene import EmptySceneError
 from split_drake.truth.starts import NoStartError
 
 # Poses kept of each pose set, best first.
@@ -123,13 +123,11 @@ def record_problem(spec: TrialSpec) -> Recorded:
     rngs = TrialGenerators.of(spec.seed)
     try:
         setup = set_up(spec, rngs.start)
-        layout = setup.station.config.layout
-        clean = Scene.from_views(setup.station.capture(), layout.workspace)
+        tasks = tuple(dict.fromkeys((*spec.task.tasks, PoseTask.UPRIGHT)))
+        scene, pose_sets = Perceiver(spec, setup, rngs).look(tasks)
     except (NoStartError, EmptySceneError) as error:
         return Recorded(spec.index, name, None, str(error))
-    scene = clean.with_noise(spec.noise_m, rngs.noise)
-    tasks = tuple(dict.fromkeys((*spec.task.tasks, PoseTask.UPRIGHT)))
-    pose_sets = make_detector(spec, setup).detect(scene, tasks, rngs.detector)
+    layout = setup.station.config.layout
     problem = PlanningProblem(spec.task, pose_sets, scene.p_WPs, setup.station.q, layout)
     return Recorded(spec.index, name, compact(problem, MAX_POSES))
 
@@ -140,7 +138,7 @@ def _crashed(spec: TrialSpec) -> Recorded:
 
 def record(specs: Sequence[TrialSpec], workers: int, console: Console) -> list[Recorded]:
     """Return what became of all starts, in their order."""
-    pool = WorkerPool(record_problem, _crashed, min(workers, len(specs)))
+    pool = WorkerPool(record_problem, workers, _crashed)
     found = track(pool.run(specs), "recording", total=len(specs), console=console)
     return sorted(found, key=lambda recorded: recorded.index)
 

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 
 from scenarios import mug_hang
-from scenarios.trials.records import TrialRecord, read_records
+from scenarios.trials.records import TrialRecord, trial_run
 
 GIB = 2.0**30
 
@@ -93,7 +93,7 @@ def timed_run(options: SpeedOptions, workers: int) -> tuple[list[TrialRecord], f
     trials of a run that was killed, whose time nobody knows.
     """
     folder = options.out / f"{workers}_workers"
-    before = len(read_records(folder / "trials.jsonl"))
+    before = len(trial_run(folder).records())
     if before and _timed_trials(folder) != before:
         raise ValueError(
             f"{folder} holds {before} trials, and the time of {_timed_trials(folder)}: the run was "
@@ -108,7 +108,7 @@ def timed_run(options: SpeedOptions, workers: int) -> tuple[list[TrialRecord], f
             out=folder,
         )
     )
-    records = read_records(folder / "trials.jsonl")
+    records = trial_run(folder).records()
     if len(records) < options.trials:
         raise ValueError(
             f"{folder} holds {len(records)} of {options.trials} trials: the run was interrupted; "

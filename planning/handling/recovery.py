@@ -12,7 +12,7 @@ from planning.execution.faults import Fault
 from planning.geometry.perceived import OBSTACLE_VOXEL_M, voxel_centroids
 from planning.handling.held_view import beside_robot
 from planning.handling.way_out import WayOut
-from planning.motion.free import NoMotion, free_motion
+from planning.motion.free import MotionQuery, NoMotion, free_motion
 from planning.motion.segment_builder import SegmentBuilder, opening_segment
 from planning.motion.timing import FEELING, FREE, LOADED, WARY, Speed, time_path
 from planning.problem import SAMPLE_S, AllowedContact, JointTrajectory, Plan, Segment, SegmentName
@@ -83,7 +83,7 @@ class Recovery:
         seen = seen[workspace.contains(seen)]
         obstacles = voxel_centroids(seen, OBSTACLE_VOXEL_M) if len(seen) else None
         situation = Situation(opening_m, p_WStanding=obstacles)
-        path = free_motion(self._world, robot.q, Q_HOME, situation, rng)
+        path = free_motion(MotionQuery(self._world, robot.q, Q_HOME, situation), rng)
         if isinstance(path, NoMotion):
             return False
         segment = SegmentBuilder(self._world).empty(SegmentName.TRANSIT, path, FREE, situation)

@@ -20,54 +20,55 @@ class NoMotion:
     reason: str
 
 
+@dataclass(frozen=True)
+class MotionQuery:
+    """Two configurations to be joined.
+
+    Attributes:
+        world: that the arm moves in.
+        q_start, q_goal: (7,) joint angles, rad.
+        situation: what the hand holds and what stands around it.
+    """
+
+    world: CollisionWorld
+    q_start: Array
+    q_goal: Array
+    situation: Situation
+
+    def is_free(self, qs: Array) -> bool:
+        """Return whether the straight joint motions through `qs` (N, 7) touch nothing."""
+        return self.world.path_free(qs, self.situation)
+
+
 class FreeMotion(Protocol):
     """Joins two configurations: what planners that pick and place alike may differ in."""
 
-    def __call__(
-        self,
-        world: CollisionWorld,
-        q_start: Array,
-        q_goal: Array,
-        situation: Situation,
-        rng: np.random.Generator,
-    ) -> Array | NoMotion:
-        """Return a path (N, 7) from `q_start` to `q_goal`, rad, that is free throughout."""
+    def __call__(self, query: MotionQuery, rng: np.random.Generator) -> Array | NoMotion:
+        """Return a path (N, 7) from start to goal, rad, that is free throughout."""
         ...
 
 
-def free_motion(
-    world: CollisionWorld,
-    q_start: Array,
-    q_goal: Array,
-    situation: Situation,
-    rng: np.random.Generator,
-) -> Array | NoMotion:
+def free_motion(query: MotionQuery, rng: np.random.Generator) -> Array | NoMotion:
     """Return a path (N, 7) that is free throughout, or why there is none.
 
     A straight joint motion where that is free; else RRT-Connect's path, smoothed by trajectory
     optimization where the smooth one is free as well.
     """
-    straight = np.stack([q_start, q_goal])
-    if world.path_free(straight, situation):
+    straight = np.stack([query.q_start, query.q_goal])
+    if query.is_free(straight):
         return straight
-    found = rrt_motion(world, q_start, q_goal, situation, rng)
+    found = rrt_motion(query, rng)
     if isinstance(found, NoMotion):
         return found
-    smooth = optimize_path(world.checker, found, situation.opening_m)
-    if smooth is not None and world.path_free(smooth, situation):
+    smooth = optimize_path(query.world.checker, found, query.situation.opening_m)
+    if smooth is not None and query.is_free(smooth):
         return smooth
     return found
 
 
-def rrt_motion(
-    world: CollisionWorld,
-    q_start: Array,
-    q_goal: Array,
-    situation: Situation,
-    rng: np.random.Generator,
-) -> Array | NoMotion:
+def rrt_motion(query: MotionQuery, rng: np.random.Generator) -> Array | NoMotion:
     """Return RRT-Connect's path (N, 7) with shortcuts, or that there is none."""
-    found = rrt_connect(q_start, q_goal, lambda qs: world.path_free(qs, situation), rng)
+    found = rrt_connect(query.q_start, query.q_goal, query.is_free, rng)
     return NoMotion("RRT-Connect found no free motion") if found is None else found
 
 

@@ -14,8 +14,7 @@ from pydrake.trajectories import CompositeTrajectory
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from planning.collision.world import CollisionWorld, Situation
-from planning.motion.free import NoMotion
+from planning.motion.free import MotionQuery, NoMotion
 from planning.motion.regions import Regions
 from split_drake.poses import Array
 from split_drake.station.layout import same_fixtures
@@ -45,20 +44,13 @@ class GcsMotion:
         self._centers = np.stack([p.ChebyshevCenter() for p in regions.polytopes])
         self._graph = self._weighted(regions.edges)
 
-    def __call__(
-        self,
-        world: CollisionWorld,
-        q_start: Array,
-        q_goal: Array,
-        situation: Situation,
-        rng: np.random.Generator,
-    ) -> Array | NoMotion:
+    def __call__(self, query: MotionQuery, rng: np.random.Generator) -> Array | NoMotion:
         """Return a path (N, 7) that is free throughout, or why there is none; draws nothing."""
         del rng
-        if not same_fixtures(self._regions.layout, world.layout):
+        if not same_fixtures(self._regions.layout, query.world.layout):
             return NoMotion("the GCS regions are of another station")
-        path = self.path(q_start, q_goal)
-        if isinstance(path, NoMotion) or world.path_free(path, situation):
+        path = self.path(query.q_start, query.q_goal)
+        if isinstance(path, NoMotion) or query.is_free(path):
             return path
         return NoMotion("the GCS path collides")
 

@@ -18,7 +18,7 @@ from planning.geometry.waypoints import (
 )
 from planning.goals.placement import Placement
 from planning.goals.subgoals import placements
-from planning.motion.free import FreeMotion, NoMotion, free_motion
+from planning.motion.free import FreeMotion, MotionQuery, NoMotion, free_motion
 from planning.motion.ik import DrakeIk, IkSolutions, follow, solve_ik
 from planning.pick_place.fingers import FingerFit, fit_fingers, settled
 from planning.pick_place.pairs import BestPairs
@@ -26,7 +26,6 @@ from planning.pick_place.pick import Pick, PickSearch, balance, firmness, held_p
 from planning.pick_place.place import Place, PlaceSearch
 from planning.pick_place.segments import Route, before_watch, late, plan_segments
 from planning.pick_place.turned_grasps import turned_grasps
-from planning.planner import register_planner
 from planning.problem import Plan, PlanFailure, PlanningProblem, Stage, Subgoal
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import HALF_TURN, PoseTask
@@ -49,7 +48,6 @@ CONFIGURATIONS, HELD_CONFIGURATIONS = 3, 12
 WITHDRAWALS_M = (0.15, 0.10, 0.05)
 
 
-@register_planner("default")
 class PickPlacePlanner:
     """Plans pick-hang and pick-reorient from pose sets, the cloud and the static layout.
 
@@ -257,7 +255,8 @@ class _Search:
         return None
 
     def _motion(self, q_start: Array, q_goal: Array, situation: Situation) -> Array | None:
-        path = self._free_motion(self._world, q_start, q_goal, situation, self._rng)
+        query = MotionQuery(self._world, q_start, q_goal, situation)
+        path = self._free_motion(query, self._rng)
         if isinstance(path, NoMotion):
             self._places.rejected[path.reason] += 1
             return None

@@ -1,12 +1,11 @@
 """What becomes of one problem with one planner, and the planning and checking that finds out."""
 
-import json
 import logging
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Self
@@ -18,7 +17,7 @@ from planning.planner import Planner, make_planner
 from planning.problem import Plan, PlanFailure, PlanningProblem
 from planning.problem_files import load_problems
 from scenarios.bench.plan_measures import PlanMeasures, PlanMeter
-from split_drake.experiments.run import read_json_lines
+from split_drake.experiments.run import RunFolder
 from split_drake.station.layout_file import layout_from_json, layout_to_json
 
 SOLVED = "solved"
@@ -58,19 +57,15 @@ class BenchRecord:
     def solved(self) -> bool:
         return self.outcome == SOLVED
 
-    def to_json(self) -> str:
-        """Return one line of JSON without a line break."""
-        return json.dumps(asdict(self), separators=(",", ":"))
-
     @classmethod
     def from_fields(cls, fields: Mapping[str, Any]) -> Self:
         measures = fields["measures"]
         return cls(**{**fields, "measures": measures and PlanMeasures(**measures)})
 
 
-def read_bench_records(path: Path) -> list[BenchRecord]:
-    """Return the records of a results.jsonl; [] where there is no file."""
-    return [BenchRecord.from_fields(fields) for fields in read_json_lines(path)]
+def bench_run(folder: Path) -> RunFolder[BenchRecord]:
+    """Return the folder of a bench, whose log is results.jsonl."""
+    return RunFolder(folder, "results.jsonl", BenchRecord.from_fields)
 
 
 @dataclass(frozen=True)

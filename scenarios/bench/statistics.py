@@ -67,7 +67,7 @@ def _percentile(values: Sequence[float], percent: float) -> float | None:
 
 
 def _solved(records: Sequence[BenchRecord]) -> Rate:
-    return Rate(sum(record.solved for record in records), len(records))
+    return Rate.of(record.solved for record in records)
 
 
 def _by_group(records: Sequence[BenchRecord]) -> dict[str, Rate]:

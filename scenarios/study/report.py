@@ -91,7 +91,7 @@ def _row(cell: Cell, found: Mapping[int, StudyRecord], default: Mapping[int, Stu
     names = measured[0] if measured else {}
     return Row(
         cell=cell,
-        rate=Rate(sum(record.succeeded for record in records), len(records)),
+        rate=Rate.of(record.succeeded for record in records),
         figures={
             name: (
                 float(np.median([each[name] for each in measured])),

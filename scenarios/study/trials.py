@@ -1,9 +1,8 @@
 """The trials of the physics study: a mug held still, or picked and hung, in a cell's physics."""
 
-import json
 import logging
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from scenarios.study.cells import Cell
 from scenarios.trials.records import SUCCESS
 from scenarios.trials.spec import TrialSpec
 from scenarios.trials.trial import run_trial
+from split_drake.experiments.run import RunFolder
 from split_drake.grasps.free_hand import FreeHand
 from split_drake.grasps.store import load_checked_grasps
 from split_drake.objects.mug_source import MugSource
@@ -68,9 +68,10 @@ class StudyRecord:
     def succeeded(self) -> bool:
         return self.outcome == SUCCESS
 
-    def to_json(self) -> str:
-        """Return one line of JSON without a line break."""
-        return json.dumps(asdict(self), separators=(",", ":"))
+
+def study_run(folder: Path) -> RunFolder[StudyRecord]:
+    """Return the folder of a study, whose log is trials.jsonl."""
+    return RunFolder(folder, "trials.jsonl", lambda fields: StudyRecord(**fields))
 
 
 def run_study_trial(trial: StudyTrial) -> StudyRecord:

@@ -40,7 +40,7 @@ def check_mugs(
     """
     names = source.names()
     checks = [MugCheck(source, name, folder, with_grasps) for name in names]
-    pool = WorkerPool(check_mug, crashed_check, min(workers, len(checks)))
+    pool = WorkerPool(check_mug, workers, crashed_check)
     with console.status(f"checking {len(names)} mugs of {source.where}"):
         faults = sorted(fault for fault in pool.run(checks) if fault)
     if faults:

@@ -1,16 +1,16 @@
 """Trial records: what is kept of a trial, one JSON line each, and the figures drawn from them."""
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
 from scenarios.trials.limit_log import Peaks, worst
-from split_drake.experiments.run import read_json_lines
+from split_drake.experiments.run import RunFolder
+from split_drake.experiments.statistics import Rate
 
 SUCCESS = "success"
 WIDE_MUG_M = 0.076  # wider bodies do not fit between the fingers
@@ -67,10 +67,6 @@ class TrialRecord:
         """The limits that the robot went beyond, with the values."""
         return Peaks(**self.peaks).exceeded()
 
-    def to_json(self) -> str:
-        """Return one line of JSON without a line break."""
-        return json.dumps(asdict(self), separators=(",", ":"))
-
     @classmethod
     def from_fields(cls, fields: Mapping[str, Any]) -> Self:
         """Return the record that a line of JSON holds."""
@@ -78,13 +74,14 @@ class TrialRecord:
         return cls(**{**fields, **lists})
 
 
-def read_records(path: Path) -> list[TrialRecord]:
-    """Return the records of a trials.jsonl, in order of their index; [] where there is no file.
+def trial_run(folder: Path) -> RunFolder[TrialRecord]:
+    """Return the folder of a run of trials, whose log is trials.jsonl."""
+    return RunFolder(folder, "trials.jsonl", TrialRecord.from_fields)
 
-    A last line that was cut off by a kill is left out; any other bad line raises ValueError.
-    """
-    records = [TrialRecord.from_fields(fields) for fields in read_json_lines(path)]
-    return sorted(records, key=lambda record: record.index)
+
+def success_rate(records: Iterable[TrialRecord]) -> Rate:
+    """Return how many of the trials succeeded."""
+    return Rate.of(record.succeeded for record in records)
 
 
 def failures_by_stage(records: Iterable[TrialRecord]) -> dict[str, int]:

@@ -13,6 +13,7 @@ from scenarios.trials.records import (
     TrialRecord,
     failures_by_stage,
     median_seconds,
+    success_rate,
     total_redraws,
     worst_peaks,
 )
@@ -33,9 +34,9 @@ def rates_by_width(records: Sequence[TrialRecord]) -> dict[str, Rate]:
     wide = [r for r in records if r.mug_diameter_m > WIDE_MUG_M]
     width_mm = round(1000 * WIDE_MUG_M)
     return {
-        "all mugs": Rate.of(records),
-        f"mugs up to {width_mm} mm": Rate.of(narrow),
-        "wider mugs": Rate.of(wide),
+        "all mugs": success_rate(records),
+        f"mugs up to {width_mm} mm": success_rate(narrow),
+        "wider mugs": success_rate(wide),
     }
 
 
@@ -43,7 +44,7 @@ def summarize(
     records: Sequence[TrialRecord], config: Mapping[str, Any], wall_s: float
 ) -> dict[str, Any]:
     """Return the content of summary.json; `trials` counts the trials that ended."""
-    rate = Rate.of(records)
+    rate = success_rate(records)
     return {
         **{key: config[key] for key in ("task", "detector", "planner", "mugs", "seed")},
         "trials": rate.trials,

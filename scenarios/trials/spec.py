@@ -2,16 +2,12 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
 
 from planning.problem import Subgoal
 from scenarios.trials.pose_noise import PoseNoise
 from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.mug_source import MugSource
 from split_drake.station.config import StationConfig
-
-if TYPE_CHECKING:
-    from scenarios.mug_hang import MugHangOptions
 
 
 @dataclass(frozen=True)
@@ -46,25 +42,6 @@ class TrialSpec:
     pose_noise: PoseNoise = field(default_factory=PoseNoise)
     feedback: bool = True
     check_plans: bool = False
-
-    @classmethod
-    def of(cls, options: "MugHangOptions", index: int, folder: Path) -> Self:
-        """Return trial `index` of a run."""
-        return cls(
-            index=index,
-            seed=options.seed + index,
-            mugs=MugSource(options.mugs),
-            task=Subgoal(options.task),
-            detector=options.detector,
-            planner=options.planner,
-            checkpoint=options.checkpoint,
-            noise_m=options.noise_m,
-            record=options.record,
-            folder=folder,
-            pose_noise=options.pose_noise,
-            feedback=options.feedback,
-            check_plans=options.check_plans,
-        )
 
     def mug_names(self) -> tuple[str, ...]:
         """Return the source's mugs from this trial's on, each once."""

@@ -23,8 +23,8 @@ from planning.problem import (
     Stage,
     Subgoal,
 )
-from scenarios.trials.detectors import make_detector
 from scenarios.trials.limit_log import LimitLog
+from scenarios.trials.perception import Perceiver
 from scenarios.trials.records import SUCCESS, TrialRecord
 from scenarios.trials.setup import TrialGenerators, planner_named, set_up
 from scenarios.trials.spec import TrialSpec
@@ -92,8 +92,7 @@ class _Trial:
         self._begun = time.monotonic()
         self.setup = set_up(spec, self._rngs.start)
         self._station, self._recorder = self.setup.station, self.setup.recorder
-        self._detector = make_detector(spec, self.setup)
-        self._wide_detector = make_detector(spec, self.setup, wide=True)
+        self._perceiver = Perceiver(spec, self.setup, self._rngs)
         self._limits = LimitLog(self._station, self.setup.truth)
         self._checked: CheckedPlanner | None = None
         self._lifting = False
@@ -150,13 +149,7 @@ class _Trial:
     def _perceive(
         self, tasks: Sequence[PoseTask], again: bool
     ) -> tuple[Scene, dict[PoseTask, PoseSet]]:
-        layout = self._station.config.layout
-        clean = Scene.from_views(self._station.capture(), layout.workspace)
-        scene = clean.with_noise(self._spec.noise_m, self._rngs.noise)
-        pose_sets = self._detector.detect(scene, tasks, self._rngs.detector)
-        if again and PoseTask.GRASP in tasks:
-            # Places that an object can be put to gather for good reason: only grasps spread.
-            pose_sets |= self._wide_detector.detect(scene, [PoseTask.GRASP], self._rngs.detector)
+        scene, pose_sets = self._perceiver.look(tasks, again)
         self._perceived.append((scene, pose_sets))
         if self._recorder:
             self._recorder.show_perception(scene.p_WPs, pose_sets, self._station.time_s)

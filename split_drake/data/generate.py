@@ -19,12 +19,9 @@ from above, and be visible (`grasp_candidates`, `visibility`); those that fail a
   future work; the points' noise is added in training.  The paper has two views of all mug scenes.
 """
 
-import json
-import multiprocessing
 import os
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +29,16 @@ import numpy as np
 import tyro
 from rich.progress import track
 
-from split_drake.data.dataset import FORMAT_VERSION, MANIFEST, DatasetError, read_shard, write_shard
+from split_drake.data.dataset import FORMAT_VERSION, MANIFEST, read_shard, write_shard
 from split_drake.data.grasp_candidates import GraspCandidates, GraspState
 from split_drake.data.handle_points import VISIBLE_HANDLE_POINTS
 from split_drake.data.mug_scenes import MugScenes
 from split_drake.data.randomization import DomainRandomization
 from split_drake.data.rests import load_rests, rests_path
 from split_drake.data.scene_generator import SceneGenerator
+from split_drake.experiments.pool import InThisProcess, WorkerPool
 from split_drake.experiments.provenance import combined_sha256, file_sha256
+from split_drake.experiments.run import claim_folder
 from split_drake.files import write_json
 from split_drake.grasps.store import load_checked_grasps, store_path
 from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
@@ -47,7 +46,6 @@ from split_drake.station.layout import Layout
 
 # Raise it when code changes what scenes or labels come out of the same files and settings.
 LABEL_VERSION = 2
-CONFIG = "config.json"
 
 
 @dataclass(frozen=True)
@@ -76,9 +74,9 @@ class GenerateConfig:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")
 
     def scenes_config(self) -> dict[str, Any]:
-        """Return all that the scenes depend on, as JSON gives it back."""
+        """Return all that the scenes depend on."""
         layout = Layout()
-        config = {
+        return {
             "mugs": self.mugs,
             "scenes_per_mug": self.scenes_per_mug,
             "seed": self.seed,
@@ -88,7 +86,6 @@ class GenerateConfig:
             "sources": source_hashes(self.mugs),
             "label_version": LABEL_VERSION,
         }
-        return dict(json.loads(json.dumps(config, default=np.ndarray.tolist)))
 
 
 def source_hashes(split: Split) -> dict[str, str]:
@@ -113,24 +110,6 @@ def generate_shard(config: GenerateConfig, name: str) -> None:
     write_shard(config.out / f"{name}.npz", generator.shard(config.scenes_per_mug))
 
 
-def _open_folder(config: GenerateConfig) -> dict[str, Any]:
-    """Make the folder, and return what its scenes depend on.
-
-    Raises DatasetError where it holds scenes of another configuration, or made from other files.
-    """
-    config.out.mkdir(parents=True, exist_ok=True)
-    path, wanted = config.out / CONFIG, config.scenes_config()
-    if path.exists() and (before := json.loads(path.read_text())) != wanted:
-        changed = [key for key in wanted if before.get(key) != wanted[key]]
-        raise DatasetError(
-            f"{config.out} holds scenes of "
-            f"{ {key: before.get(key) for key in changed} }; "
-            f"asked for { {key: wanted[key] for key in changed} }"
-        )
-    write_json(path, wanted)
-    return wanted
-
-
 def summarize(folder: Path, names: tuple[str, ...]) -> dict[str, float]:
     """Return what the scenes of these shards are like, for the manifest."""
     shards = [read_shard(folder / f"{name}.npz") for name in names]
@@ -146,27 +125,14 @@ def summarize(folder: Path, names: tuple[str, ...]) -> dict[str, float]:
     }
 
 
-def _generate_shards(config: GenerateConfig, names: list[str]) -> Iterator[str]:
-    """Generate shards, and yield the name of each that is done."""
-    if config.workers == 1:
-        for name in names:
-            generate_shard(config, name)
-            yield name
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(config.workers, mp_context=context) as executor:
-        futures = {executor.submit(generate_shard, config, name): name for name in names}
-        for future in as_completed(futures):
-            future.result()
-            yield futures[future]
-
-
 def generate(config: GenerateConfig) -> None:
     """Write the shards that are missing, then the manifest."""
-    scenes_config = _open_folder(config)
+    scenes_config = claim_folder(config.out, config.scenes_config())
     names = mug_names(config.mugs)
     missing = [name for name in names if not (config.out / f"{name}.npz").exists()]
-    for _ in track(_generate_shards(config, missing), "shards", total=len(missing)):
+    make = partial(generate_shard, config)
+    pool = InThisProcess(make) if config.workers == 1 else WorkerPool(make, config.workers)
+    for _ in track(pool.run(missing), "shards", total=len(missing)):
         pass
     shards = {name: file_sha256(config.out / f"{name}.npz") for name in names}
     manifest = {

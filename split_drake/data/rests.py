@@ -4,11 +4,9 @@
 fixed splits' mugs, so that scenes are drawn as trials start without simulating a drop for each.
 """
 
-import multiprocessing
 import os
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib import resources
 from pathlib import Path
 
@@ -17,6 +15,7 @@ import tyro
 from rich.progress import track
 from scipy.spatial.transform import Rotation
 
+from split_drake.experiments.pool import WorkerPool
 from split_drake.files import replacing
 from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
 from split_drake.objects.rigid import RigidObject
@@ -126,18 +125,17 @@ class SettleConfig:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")
 
 
-def _settle_mug(name: str, count: int) -> Rests:
+def _settle_mug(count: int, name: str) -> tuple[str, Rests]:
     rng = np.random.default_rng([int(name.rpartition("_")[2]), name.startswith("test_")])
-    return settle(load_mug(name).body, count, rng)
+    return name, settle(load_mug(name).body, count, rng)
 
 
 def settle_split(config: SettleConfig) -> None:
     """Write the rests of a split's mugs."""
     names = mug_names(config.mugs)
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(config.workers, mp_context=context) as executor:
-        futures = [executor.submit(_settle_mug, name, config.count) for name in names]
-        rests = [future.result() for future in track(futures, "mugs")]
+    pool = WorkerPool(partial(_settle_mug, config.count), config.workers)
+    found = dict(track(pool.run(names), "mugs", total=len(names)))
+    rests = [found[name] for name in names]
     with replacing(rests_path(config.mugs)) as temporary:
         np.savez_compressed(
             temporary,

@@ -5,25 +5,23 @@ and, once all scenes are there, metrics.json, reliability.png and errors.png.  O
 goes on where it was.
 """
 
-import json
-import multiprocessing
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import torch
 from rich.console import Console
-from rich.progress import track
 
 from split_drake.evaluation.examiner import DetectorMaker, Examiner
 from split_drake.evaluation.plots import plot_errors, plot_reliability
-from split_drake.evaluation.record import SceneRecord, read_records
-from split_drake.evaluation.scenes import EvalMugs, EvalOptions, sources_sha256
+from split_drake.evaluation.record import SceneRecord
+from split_drake.evaluation.scenes import EvalMugs, EvalOptions
 from split_drake.evaluation.summary import summarize
+from split_drake.experiments.pool import WorkerPool
+from split_drake.experiments.run import RunFolder, as_json
 from split_drake.files import write_json
 
-CONFIG = "config.json"
 SCENES = "scenes.jsonl"
 METRICS = "metrics.json"
 
@@ -45,34 +43,13 @@ def _examine_all(
     make_detector: DetectorMaker, options: EvalOptions, indices: Sequence[int], workers: int
 ) -> Iterator[SceneRecord]:
     """Yield a record for each scene, in order of completion."""
-    executor = ProcessPoolExecutor(
-        workers,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(make_detector, options),
-    )
-    try:
-        for future in as_completed([executor.submit(_examine, index) for index in indices]):
-            yield future.result()
-    finally:
-        executor.shutdown(cancel_futures=True)
+    start_worker = partial(_start_worker, make_detector, options)
+    return WorkerPool(_examine, workers, start_worker=start_worker).run(indices)
 
 
-def _take_up(out: Path, question: dict[str, Any]) -> list[SceneRecord]:
-    """Return the records that the folder holds already; exit where they answer another question."""
-    out.mkdir(parents=True, exist_ok=True)
-    path = out / CONFIG
-    if path.exists():
-        before = json.loads(path.read_text())
-        keys = before.keys() | question.keys()
-        if changed := sorted(key for key in keys if before.get(key) != question.get(key)):
-            raise SystemExit(
-                f"{out} holds an evaluation with other values of {', '.join(changed)}; "
-                "choose another folder"
-            )
-    else:
-        write_json(path, question)
-    return read_records(out / SCENES)
+def evaluation_run(folder: Path) -> RunFolder[SceneRecord]:
+    """Return the folder of an evaluation, whose log is scenes.jsonl."""
+    return RunFolder(folder, SCENES, SceneRecord.from_fields)
 
 
 def evaluate(
@@ -94,24 +71,19 @@ def evaluate(
         options: the scenes.
         workers: processes; the figures do not depend on them.
 
-    Raises SystemExit where the folder holds the records of other scenes or of another detector.
+    Raises AnotherRunError where the folder holds the records of other scenes or of another
+    detector.
     """
-    question = options.of_each_scene() | {
-        "mugs_sha256": sources_sha256(options),
-        "detector": detector,
-    }
-    question = json.loads(json.dumps(question))
-    records = {record.index: record for record in _take_up(out, question)}
+    question = as_json(
+        options.of_each_scene() | {"mugs_sha256": options.source.sha256(), "detector": detector}
+    )
+    run = evaluation_run(out)
+    run.claim(question)
     wanted = range(EvalMugs(options).scenes())
-    missing = [index for index in wanted if index not in records]
-    arriving = _examine_all(make_detector, options, missing, workers)
-    with (out / SCENES).open("a") as file:
-        for record in track(
-            arriving, "scenes", len(missing), console=console, disable=not console.is_terminal
-        ):
-            file.write(record.to_json() + "\n")
-            file.flush()
-            records[record.index] = record
+    there = {record.index for record in run.records()}
+    missing = [index for index in wanted if index not in there]
+    run.collect(_examine_all(make_detector, options, missing, workers), len(missing), console)
+    records = {record.index: record for record in run.records()}
     return _report([records[index] for index in wanted], question, out)
 
 

@@ -1,9 +1,7 @@
 """What is kept of an evaluated scene: one JSON line each."""
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -97,28 +95,8 @@ class SceneRecord:
     def handle_visible(self) -> bool:
         return self.handle_points >= VISIBLE_HANDLE_POINTS
 
-    def to_json(self) -> str:
-        """Return one line of JSON without a line break."""
-        return json.dumps(asdict(self), separators=(",", ":"))
-
     @classmethod
-    def from_json(cls, line: str) -> Self:
-        """Return the record written by `to_json`."""
-        fields = json.loads(line)
-        tasks = {PoseTask(t): TaskRecord.from_fields(f) for t, f in fields.pop("tasks").items()}
-        return cls(**fields, tasks=tasks)
-
-
-def read_records(path: Path) -> list[SceneRecord]:
-    """Return the records of a file, a line each; [] where there is no file.
-
-    A last line that a kill cut off is taken out of the file.
-    """
-    if not path.exists():
-        return []
-    text = path.read_text()
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
-        with path.open("r+") as file:
-            file.truncate(len(whole.encode()))
-    return [SceneRecord.from_json(line) for line in whole.splitlines()]
+    def from_fields(cls, fields: Mapping[str, Any]) -> Self:
+        """Return the record that a line of JSON holds."""
+        tasks = {PoseTask(t): TaskRecord.from_fields(f) for t, f in fields["tasks"].items()}
+        return cls(**{**fields, "tasks": tasks})

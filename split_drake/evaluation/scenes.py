@@ -2,27 +2,23 @@
 
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from importlib import resources
-from pathlib import Path
-from typing import Any, Self, cast
+from typing import Any, Self
 
 import numpy as np
 
 from split_drake.data.mug_scenes import MugScene, MugScenes
 from split_drake.data.rests import Rests, load_rests, settle
 from split_drake.evaluation.peg import PegTest
-from split_drake.experiments.provenance import combined_sha256, file_sha256
 from split_drake.grasps.free_hand import FreeHand
 from split_drake.grasps.judge import GraspJudge, feasible
 from split_drake.grasps.store import CheckedGrasps, load_checked_grasps
 from split_drake.grasps.visibility import GraspVisibility
 from split_drake.objects.mug_shape import MugShape
-from split_drake.objects.mugs.split import Split, load_mug, mug_names
-from split_drake.objects.scanned.files import load_mug_folder
+from split_drake.objects.mug_source import MugSource
+from split_drake.objects.mugs.split import load_mug
 from split_drake.poses import Array
 from split_drake.station.layout import Layout
 
-SPLITS = ("train", "test")
 # As many for a mug from a file as are stored of the splits' mugs.
 RESTS = 40
 
@@ -55,29 +51,22 @@ class EvalOptions:
             raise ValueError(
                 f"noise_m is {self.noise_m}; expected a standard deviation >= 0 in metres"
             )
-        if not self.of_split and not Path(self.mugs).is_dir():
-            raise ValueError(f"mugs is {self.mugs!r}; expected train, test or an existing folder")
+        MugSource(self.mugs)
+
+    @property
+    def source(self) -> MugSource:
+        """Where the mugs come from."""
+        return MugSource(self.mugs)
 
     @property
     def of_split(self) -> bool:
         """Whether the mugs are those of a fixed split."""
-        return self.mugs in SPLITS
+        return self.source.folder is None
 
     def of_each_scene(self) -> dict[str, Any]:
         """Return what each scene's record depends on: all but how many there are."""
         options = asdict(self)
         return {key: options[key] for key in ("mugs", "physics_scenes", "noise_m", "seed")}
-
-
-def sources_sha256(options: EvalOptions) -> str:
-    """Return a hash of the files that the mugs, their rests and their grasps come from."""
-    if options.of_split:
-        folder = Path(str(resources.files("models").joinpath("mugs")))
-        files = sorted(folder.glob(f"*{options.mugs}.*"))
-    else:
-        folder = Path(options.mugs)
-        files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return combined_sha256({str(path.relative_to(folder)): file_sha256(path) for path in files})
 
 
 class TrueGrasps:
@@ -143,13 +132,10 @@ class EvalMugs:
     def __init__(self, options: EvalOptions) -> None:
         self._options = options
         self._made: dict[int, EvalMug] = {}
-        self._shapes = () if options.of_split else load_mug_folder(Path(options.mugs))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        if self._options.of_split:
-            return mug_names(cast(Split, self._options.mugs))
-        return tuple(shape.body.name for shape in self._shapes)
+        return self._options.source.names()
 
     def scenes(self) -> int:
         """Return how many scenes are wanted."""
@@ -166,5 +152,5 @@ class EvalMugs:
     def _make(self, number: int) -> EvalMug:
         if self._options.of_split:
             return EvalMug.of_split(self.names[number])
-        rng = np.random.default_rng([self._options.seed, number])
-        return EvalMug.settled(self._shapes[number], rng)
+        shape = self._options.source.load(self.names[number])
+        return EvalMug.settled(shape, np.random.default_rng([self._options.seed, number]))

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 from rich.table import Column, Table
-from scipy.stats import binomtest
 
 from split_drake.evaluation.calibration import area_under_curve, reliability
 from split_drake.evaluation.record import SceneRecord, Scored, TaskRecord
+from split_drake.experiments.statistics import Rate
 from split_drake.pose_task import PoseTask
 from split_drake.split.network import TASKS
 
@@ -19,13 +19,12 @@ def share(flags: Sequence[bool]) -> Figures | None:
     """Return share, counts and Wilson's 95% interval of scenes with a flag; None without scenes."""
     if not flags:
         return None
-    hits = sum(flags)
-    interval = binomtest(hits, len(flags)).proportion_ci(0.95, method="wilson")
+    rate = Rate.of(flags)
     return {
-        "share": hits / len(flags),
-        "hits": hits,
-        "scenes": len(flags),
-        "wilson95": [float(interval.low), float(interval.high)],
+        "share": rate.value,
+        "hits": rate.successes,
+        "scenes": rate.trials,
+        "wilson95": list(rate.wilson95),
     }
 
 

@@ -13,34 +13,64 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
+class WorkerDiedError(RuntimeError):
+    """The processes that worked on some items died, each on its own."""
+
+
+class InThisProcess(Generic[Item, Result]):
+    """Applies a function to items one after another, without another process."""
+
+    def __init__(self, function: Callable[[Item], Result]) -> None:
+        self._function = function
+
+    def run(self, items: Sequence[Item]) -> Iterator[Result]:
+        """Yield one result an item, in their order."""
+        return map(self._function, items)
+
+
 class WorkerPool(Generic[Item, Result]):
     """Applies a function to items in processes, and yields results as they arrive.
 
     A worker that dies (a crash in native code, or killed for memory) takes down the items that run
-    beside it.  They are run again one at a time, so that only an item that dies alone is given to
-    `on_crash`, whatever the number of workers.
+    beside it.  They are run again one at a time, so that only an item that dies alone is lost,
+    whatever the number of workers.
+
+    Args:
+        function: of an item; pickled by name.
+        workers: how many processes; results must not depend on them.
+        on_crash: what stands for the result of an item whose process died.  Without it `run` raises
+            WorkerDiedError once all other results are there.
+        start_worker: called in each process before its first item; pickled, so that it may be a
+            partial of a module's function.
     """
 
     def __init__(
         self,
         function: Callable[[Item], Result],
-        on_crash: Callable[[Item], Result],
         workers: int,
+        on_crash: Callable[[Item], Result] | None = None,
+        start_worker: Callable[[], None] | None = None,
     ) -> None:
         if workers < 1:
             raise ValueError(f"workers is {workers}; expected at least 1")
         self._function = function
         self._on_crash = on_crash
         self._workers = workers
+        self._start_worker = start_worker
 
     def run(self, items: Sequence[Item]) -> Iterator[Result]:
         """Yield one result an item, in order of completion."""
-        waiting = list(reversed(items))
+        waiting, lost = list(reversed(items)), list[Item]()
         while waiting:
             suspects = yield from self._run_until_crash(waiting, self._workers)
             for suspect in suspects:
                 if (yield from self._run_until_crash([suspect], workers=1)):
-                    yield self._on_crash(suspect)
+                    if self._on_crash is None:
+                        lost.append(suspect)
+                    else:
+                        yield self._on_crash(suspect)
+        if lost:
+            raise WorkerDiedError(f"the worker process died at {', '.join(map(str, lost))}")
 
     def _run_until_crash(
         self, waiting: list[Item], workers: int
@@ -50,7 +80,8 @@ class WorkerPool(Generic[Item, Result]):
         Returns the items that were lost with it; none where no worker died.
         """
         context = multiprocessing.get_context("spawn")  # Drake and PyTorch do not survive a fork
-        executor = ProcessPoolExecutor(workers, context, initializer=_end_with_parent)
+        workers = min(workers, len(waiting))
+        executor = ProcessPoolExecutor(workers, context, _begin_work, (self._start_worker,))
         running: dict[Future[Result], Item] = {}
         try:
             while waiting or running:
@@ -68,7 +99,7 @@ class WorkerPool(Generic[Item, Result]):
         return []
 
 
-def _end_with_parent() -> None:
+def _begin_work(start_worker: Callable[[], None] | None) -> None:
     """End this worker once its parent has died, killed perhaps, rather than work for nobody."""
     parent = multiprocessing.parent_process()
     assert parent is not None  # this is called in workers
@@ -78,3 +109,5 @@ def _end_with_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+    if start_worker is not None:
+        start_worker()

@@ -9,6 +9,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+UNKNOWN_COMMIT = "unknown"
+
 _PACKAGES = ("drake", "torch", "numpy", "trimesh", "ompl")
 _ROOT = Path(__file__).parents[2]
 _SOURCES = ("split_drake", "planning", "models", "scenarios")
@@ -29,13 +31,16 @@ def package_versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
 
 
-def git_commit() -> str | None:
-    """Return the source tree's commit, "-dirty" appended where changed; None without git."""
+def git_commit() -> str:
+    """Return the source tree's commit, "-dirty" appended where changed; "unknown" without git."""
     if not (_ROOT / ".git").exists():
-        return None
+        return UNKNOWN_COMMIT
     command = ["git", "describe", "--always", "--abbrev=40", "--dirty", "--exclude=*"]
-    run = subprocess.run(command, cwd=_ROOT, capture_output=True, text=True, check=False)
-    return run.stdout.strip() if run.returncode == 0 else None
+    try:
+        run = subprocess.run(command, cwd=_ROOT, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return UNKNOWN_COMMIT
+    return run.stdout.strip()
 
 
 def code_sha256() -> str:

@@ -1,15 +1,10 @@
-from collections.abc import Sequence
+"""Rates with intervals, and tests of paired outcomes."""
+
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Self
 
 from scipy.stats import binomtest
-
-from scenarios.trials.records import TrialRecord
-
-
-def mcnemar_exact(only_one: int, only_other: int) -> float:
-    """Return the two-sided p of McNemar's exact test; 1 without discordant pairs."""
-    discordant = only_one + only_other
-    return float(binomtest(only_one, discordant).pvalue) if discordant else 1.0
 
 
 @dataclass(frozen=True)
@@ -20,8 +15,10 @@ class Rate:
     trials: int
 
     @classmethod
-    def of(cls, records: Sequence[TrialRecord]) -> "Rate":
-        return cls(sum(record.succeeded for record in records), len(records))
+    def of(cls, outcomes: Iterable[bool]) -> Self:
+        """Return the rate of outcomes that are true."""
+        flags = list(outcomes)
+        return cls(sum(flags), len(flags))
 
     @property
     def value(self) -> float:
@@ -41,3 +38,9 @@ class Rate:
             return "no trials"
         low, high = self.wilson95
         return f"{self.successes}/{self.trials} = {self.value:.1%}  [{low:.0%}, {high:.0%}]"
+
+
+def mcnemar_exact(only_one: int, only_other: int) -> float:
+    """Return the two-sided p of McNemar's exact test; 1 without discordant pairs."""
+    discordant = only_one + only_other
+    return float(binomtest(only_one, discordant).pvalue) if discordant else 1.0

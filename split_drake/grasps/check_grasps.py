@@ -6,16 +6,16 @@ mugs.  Each mug's outcomes are written when it is done; an interrupted run goes 
 one with more grasps a mug adds to what there is.
 """
 
-import multiprocessing
 import os
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import tyro
 from rich.progress import track
 
+from split_drake.experiments.pool import WorkerPool
 from split_drake.grasps.free_hand import FreeHand
 from split_drake.grasps.judge import MIN_QUALITY, GraspJudge, opening_for
 from split_drake.grasps.sampling import antipodal_candidates, spread_evenly
@@ -119,11 +119,9 @@ def check_split(config: CheckConfig) -> None:
     """Try what is missing of all mugs, then write the split's store."""
     config.out.mkdir(parents=True, exist_ok=True)
     names, sha256 = mug_names(config.mugs), mugs_sha256(config.mugs)
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(config.workers, mp_context=context) as executor:
-        futures = [executor.submit(check_mug, config, name) for name in names]
-        for future in track(as_completed(futures), "mugs", total=len(futures)):
-            future.result()
+    pool = WorkerPool(partial(check_mug, config), config.workers)
+    for _ in track(pool.run(names), "mugs", total=len(names)):
+        pass
     grasps = {name: read_store(_part_path(config, name), sha256)[name] for name in names}
     write_store(store_path(config.mugs), grasps, sha256)
     faults = np.concatenate([checked.faults for checked in grasps.values()])

@@ -5,7 +5,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import get_args
 
-from split_drake.experiments.provenance import file_sha256
+from models import MODELS_FOLDER
+from split_drake.experiments.provenance import combined_sha256, file_sha256
 from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.mugs.split import Split, load_mug, mug_names
 from split_drake.objects.scanned.files import load_mug_file, mug_files
@@ -51,6 +52,14 @@ class MugSource:
     def mesh_sha256(self, name: str) -> str | None:
         """Return the SHA-256 of a mug's mesh file; None for the mugs of a fixed split."""
         return None if self.folder is None else file_sha256(_files(self.folder)[name])
+
+    def sha256(self) -> str:
+        """Return a hash of the files that mugs, and the rests and grasps of a split, come from."""
+        folder, pattern = self.folder, "*"
+        if folder is None:
+            folder, pattern = MODELS_FOLDER / "mugs", f"*{self.where}.*"
+        files = sorted(path for path in folder.rglob(pattern) if path.is_file())
+        return combined_sha256({str(path.relative_to(folder)): file_sha256(path) for path in files})
 
 
 @lru_cache(maxsize=1)

@@ -17,7 +17,14 @@ from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.inference import ScenePredictor
 from split_drake.split.network import SplitNetwork
-from split_drake.split.sampling import Integrator, LangevinConfig, StepCallback, annealed_langevin
+from split_drake.split.sampling import (
+    Integrator,
+    LangevinConfig,
+    ReverseDiffusion,
+    StepCallback,
+    annealed_langevin,
+    ignore,
+)
 from split_drake.split.se3 import compose, uniform_rotations
 
 # Of the noise that is injected where samples are to spread, not to gather at the modes.
@@ -61,10 +68,6 @@ class ScoredSamples:
 
     X_WPs: Array
     scores: Array
-
-
-def _ignore(step: int, X_VPs: Tensor) -> None:
-    """Do nothing: the callback where none is given."""
 
 
 class SplitDetector:
@@ -138,14 +141,14 @@ class SplitDetector:
         generator = torch.Generator(network.device)
         generator.manual_seed(int(rng.integers(2**63)))
         predictor = ScenePredictor(network, torch.tensor(scene.grid()), tasks)
-        X_VPs = self._integrate(
+        process = ReverseDiffusion(
             predictor.score,
-            self._start(scene, len(tasks), generator),
             network.config.noise,
             generator,
             confine=lambda p_VPs: p_VPs.clamp(0.0, edge_m),
-            callback=callback or _ignore,
+            callback=callback or ignore,
         )
+        X_VPs = self._integrate(process, self._start(scene, len(tasks), generator))
         scores = torch.sigmoid(predictor.evaluate(X_VPs).double()).cpu().numpy()
         X_WPs = X_VPs.double().cpu().numpy()
         X_WPs[..., :3, 3] += scene.workspace.p_WV

@@ -1,3 +1,5 @@
+"""Integrators from noise to poses: annealed Langevin dynamics and the probability flow."""
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,33 +19,49 @@ StepCallback = Callable[[int, Tensor], None]
 Confine = Callable[[Tensor], Tensor]
 
 
+def ignore(step: int, X_VPs: Tensor) -> None:
+    """Do nothing: the callback where none is given."""
+
+
+@dataclass(frozen=True)
+class ReverseDiffusion:
+    """What integrators take poses through: from noise to samples of the learned density.
+
+    Attributes:
+        score: of the density at each noise level.
+        schedule: the noise levels that `score` was trained for.
+        generator: the only source of chance.
+        confine: applied to the positions after each step.
+        callback: sees the poses before each step, and those returned.
+    """
+
+    score: ScoreFunction
+    schedule: NoiseSchedule
+    generator: torch.Generator
+    confine: Confine
+    callback: StepCallback = ignore
+
+    def advance(self, X: Tensor, xi: Tensor) -> Tensor:
+        """Return the poses `X` (..., 4, 4) moved by `xi` (..., 6), and confined."""
+        X = move(X, xi, self.schedule.length_m)
+        X[..., :3, 3] = self.confine(X[..., :3, 3])
+        return X
+
+    def noise_like(self, xi: Tensor) -> Tensor:
+        """Return standard normal noise of the shape, type and device of `xi`."""
+        noise = torch.randn(xi.shape, generator=self.generator, device=self.generator.device)
+        return noise.to(xi)
+
+    def levels(self, steps: int) -> list[tuple[float, float]]:
+        """Return the noise levels before and after each of `steps` steps; the last leads to 0."""
+        return list(pairwise([*self.schedule.descending(steps), 0.0]))
+
+
 class Integrator(Protocol):
     """Takes poses to samples of the density whose score it is given."""
 
-    def __call__(
-        self,
-        score: ScoreFunction,
-        X: Tensor,
-        schedule: NoiseSchedule,
-        generator: torch.Generator,
-        confine: Confine,
-        callback: StepCallback,
-    ) -> Tensor:
-        """Return samples (..., 4, 4) reached from the poses `X` (..., 4, 4).
-
-        Args:
-            schedule: the noise levels that `score` was trained for.
-            generator: the only source of chance.
-            confine: applied to the positions after each step.
-            callback: sees the poses before each step, and those returned.
-        """
-
-
-def advance(X: Tensor, xi: Tensor, schedule: NoiseSchedule, confine: Confine) -> Tensor:
-    """Return the poses `X` (..., 4, 4) moved by `xi` (..., 6), and confined."""
-    X = move(X, xi, schedule.length_m)
-    X[..., :3, 3] = confine(X[..., :3, 3])
-    return X
+    def __call__(self, process: ReverseDiffusion, X: Tensor) -> Tensor:
+        """Return samples (..., 4, 4) reached from the poses `X` (..., 4, 4)."""
 
 
 @dataclass(frozen=True)
@@ -80,12 +98,8 @@ class LangevinConfig:
 
 
 def annealed_langevin(
-    score: ScoreFunction,
+    process: ReverseDiffusion,
     X: Tensor,
-    schedule: NoiseSchedule,
-    generator: torch.Generator,
-    confine: Confine,
-    callback: StepCallback,
     *,
     config: LangevinConfig,
 ) -> Tensor:
@@ -96,6 +110,7 @@ def annealed_langevin(
 
     Raises ValueError where the final steps are at a noise level outside the schedule.
     """
+    schedule = process.schedule
     if config.final_steps and not schedule.sigma_min <= config.final_sigma <= schedule.sigma_max:
         raise ValueError(
             f"final_sigma is {config.final_sigma}; the score was trained for noise from "
@@ -103,20 +118,14 @@ def annealed_langevin(
         )
     sigmas = schedule.descending(config.steps) + [config.final_sigma] * config.final_steps
     for step, sigma in enumerate(sigmas):
-        callback(step, X)
-        xi = sigma * score(X, sigma)
+        process.callback(step, X)
+        xi = sigma * process.score(X, sigma)
         if step < config.steps:
-            noise = torch.randn(xi.shape, generator=generator, device=generator.device)
             spread = config.temperature * math.sqrt(config.step_scale) * sigma
-            xi = 0.5 * config.step_scale * xi + spread * noise.to(xi)
-        X = advance(X, xi, schedule, confine)
-    callback(len(sigmas), X)
+            xi = 0.5 * config.step_scale * xi + spread * process.noise_like(xi)
+        X = process.advance(X, xi)
+    process.callback(len(sigmas), X)
     return X
-
-
-def _levels(schedule: NoiseSchedule, steps: int) -> list[tuple[float, float]]:
-    """Return the noise levels before and after each of `steps` steps; the last leads to 0."""
-    return list(pairwise([*schedule.descending(steps), 0.0]))
 
 
 def _in_frame_of(X: Tensor, X_moved: Tensor, xi: Tensor) -> Tensor:
@@ -126,12 +135,8 @@ def _in_frame_of(X: Tensor, X_moved: Tensor, xi: Tensor) -> Tensor:
 
 
 def heun(
-    score: ScoreFunction,
+    process: ReverseDiffusion,
     X: Tensor,
-    schedule: NoiseSchedule,
-    generator: torch.Generator,
-    confine: Confine,
-    callback: StepCallback,
     *,
     steps: int,
 ) -> Tensor:
@@ -140,26 +145,22 @@ def heun(
     2 * steps - 1 evaluations; algorithm 1 of Karras et al., "Elucidating the design space of
     diffusion-based generative models" (2022), without its optional noise.
     """
-    for step, (sigma, following) in enumerate(_levels(schedule, steps)):
-        callback(step, X)
-        velocity = score(X, sigma)
-        tried = advance(X, (sigma - following) * velocity, schedule, confine)
+    for step, (sigma, following) in enumerate(process.levels(steps)):
+        process.callback(step, X)
+        velocity = process.score(X, sigma)
+        tried = process.advance(X, (sigma - following) * velocity)
         if following > 0.0:
-            there = _in_frame_of(X, tried, score(tried, following))
+            there = _in_frame_of(X, tried, process.score(tried, following))
             mean = 0.5 * (velocity + there)
-            tried = advance(X, (sigma - following) * mean, schedule, confine)
+            tried = process.advance(X, (sigma - following) * mean)
         X = tried
-    callback(steps, X)
+    process.callback(steps, X)
     return X
 
 
 def multistep(
-    score: ScoreFunction,
+    process: ReverseDiffusion,
     X: Tensor,
-    schedule: NoiseSchedule,
-    generator: torch.Generator,
-    confine: Confine,
-    callback: StepCallback,
     *,
     steps: int,
 ) -> Tensor:
@@ -169,27 +170,23 @@ def multistep(
     extrapolated linearly from the last two, which are equally far apart in log sigma.
     """
     last: Tensor | None = None
-    for step, (sigma, following) in enumerate(_levels(schedule, steps)):
-        callback(step, X)
-        mean = move(X, sigma * score(X, sigma), schedule.length_m)
+    for step, (sigma, following) in enumerate(process.levels(steps)):
+        process.callback(step, X)
+        mean = move(X, sigma * process.score(X, sigma), process.schedule.length_m)
         goal = mean
         if last is not None and following > 0.0:
-            change = displacement(last, mean, schedule.length_m)
-            goal = move(mean, 0.5 * change, schedule.length_m)
-        towards = -displacement(goal, X, schedule.length_m)
-        X = advance(X, (1.0 - following / sigma) * towards, schedule, confine)
+            change = displacement(last, mean, process.schedule.length_m)
+            goal = move(mean, 0.5 * change, process.schedule.length_m)
+        towards = -displacement(goal, X, process.schedule.length_m)
+        X = process.advance(X, (1.0 - following / sigma) * towards)
         last = mean
-    callback(steps, X)
+    process.callback(steps, X)
     return X
 
 
 def predictor_corrector(
-    score: ScoreFunction,
+    process: ReverseDiffusion,
     X: Tensor,
-    schedule: NoiseSchedule,
-    generator: torch.Generator,
-    confine: Confine,
-    callback: StepCallback,
     *,
     steps: int,
     temperature: float,
@@ -200,13 +197,12 @@ def predictor_corrector(
     stochastic differential equations" (2021).  The Langevin step, with alpha = sigma^2, is that of
     paper IV-D; its noise is scaled by `temperature`.
     """
-    for step, (sigma, following) in enumerate(_levels(schedule, steps)):
-        callback(step, X)
-        X = advance(X, (sigma - following) * score(X, sigma), schedule, confine)
+    for step, (sigma, following) in enumerate(process.levels(steps)):
+        process.callback(step, X)
+        X = process.advance(X, (sigma - following) * process.score(X, sigma))
         if following > 0.0:
-            drift = 0.5 * score(X, following)
-            noise = torch.randn(drift.shape, generator=generator, device=generator.device)
-            xi = following * (drift + temperature * noise.to(drift))
-            X = advance(X, xi, schedule, confine)
-    callback(steps, X)
+            drift = 0.5 * process.score(X, following)
+            xi = following * (drift + temperature * process.noise_like(drift))
+            X = process.advance(X, xi)
+    process.callback(steps, X)
     return X

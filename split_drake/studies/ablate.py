@@ -25,8 +25,8 @@ from split_drake.split.detector import SamplerConfig
 from split_drake.studies.ablation_detectors import make_detector
 from split_drake.studies.ablation_report import Cost, Row, terminal_table, write_report
 from split_drake.studies.ablation_variants import MODELS, VARIANTS, Model, Variant
-from split_drake.training.run_folder import RunFolder
 from split_drake.training.train import Run, TrainConfig
+from split_drake.training.training_folder import TrainingFolder
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class AblateConfig:
             steps=self.steps,
             device=self.device,
             seed=self.seed,
-            resume=RunFolder(out).state.exists(),
+            resume=TrainingFolder(out).state.exists(),
             network=model.network,
             batch=model.batch,
         )
@@ -86,12 +86,12 @@ class AblateConfig:
         """Return a variant's checkpoints."""
         if not variant.models:
             return (default_weights(),)
-        return tuple(RunFolder(model.folder(self.out)).weights for model in variant.models)
+        return tuple(TrainingFolder(model.folder(self.out)).weights for model in variant.models)
 
 
 def is_trained(run: TrainConfig, dataset_hash: str) -> bool:
     """Return whether a run has come to its end; exit where its folder holds another one."""
-    weights = RunFolder(run.out).weights
+    weights = TrainingFolder(run.out).weights
     if not weights.exists():
         return False
     _, info = load_checkpoint(weights)

@@ -14,7 +14,7 @@ from split_drake.pose_task import PoseTask
 from split_drake.split.checkpoint import load_checkpoint
 from split_drake.split.network import TASKS
 from split_drake.studies.ablation_variants import Variant
-from split_drake.training.run_folder import RunFolder
+from split_drake.training.training_folder import TrainingFolder
 
 Figures = Mapping[str, Any]
 
@@ -37,7 +37,7 @@ class Cost:
     def of(cls, weights: tuple[Path, ...]) -> "Cost":
         """Return the cost of checkpoints, of which those in the folders of runs have curves."""
         loaded = [load_checkpoint(path) for path in weights]
-        minutes = [_minutes(RunFolder(path.parent)) for path in weights]
+        minutes = [_minutes(TrainingFolder(path.parent)) for path in weights]
         known = [value for value in minutes if value is not None]
         return cls(
             parameters=sum(p.numel() for network, _ in loaded for p in network.parameters()),
@@ -46,7 +46,7 @@ class Cost:
         )
 
 
-def _minutes(run: RunFolder) -> float | None:
+def _minutes(run: TrainingFolder) -> float | None:
     """Return how long a run trained, by its curves; None where there are none."""
     lines = run.curves.read_text().splitlines() if run.curves.exists() else []
     return float(json.loads(lines[-1])["minutes"]) if lines else None

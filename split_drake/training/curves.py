@@ -14,7 +14,7 @@ from matplotlib.ticker import EngFormatter, StrMethodFormatter
 
 from split_drake.poses import Array
 from split_drake.split.network import TASKS
-from split_drake.training.run_folder import RunFolder
+from split_drake.training.training_folder import TrainingFolder
 
 # Key in the curves, title of the panel, whether its axis is logarithmic.
 PANELS = (
@@ -47,7 +47,7 @@ def read_curves(folder: Path) -> dict[str, Array]:
 
     "scenes_per_s" is that since the line before.  Raises ValueError where the folder has no curves.
     """
-    lines = RunFolder(folder).read_curves()
+    lines = TrainingFolder(folder).read_curves()
     if not lines:
         raise ValueError(f"{folder} has no curves; expected the folder of a training run")
     curves = {key: np.array([line[key] for line in lines], dtype=float) for key in lines[0]}

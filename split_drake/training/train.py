@@ -9,7 +9,6 @@ passes, however many steps that makes.
 """
 
 import json
-import subprocess
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
@@ -22,7 +21,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from split_drake.data.dataset import MugDataset
-from split_drake.experiments.provenance import file_sha256
+from split_drake.experiments.provenance import file_sha256, git_commit
 from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
 from split_drake.split.network import SplitConfig
@@ -30,8 +29,8 @@ from split_drake.training.batches import BatchConfig
 from split_drake.training.interruption import Interruption
 from split_drake.training.losses import Losses
 from split_drake.training.memory import keep_freed_memory
-from split_drake.training.run_folder import RunFolder
 from split_drake.training.trainer import OptimizerConfig, StateError, Trainer
+from split_drake.training.training_folder import TrainingFolder
 from split_drake.training.training_scenes import TrainingScenes
 
 
@@ -99,18 +98,6 @@ class TrainConfig:
         return json.loads(json.dumps(options, default=str))
 
 
-def source_commit() -> str:
-    """Return the source's git commit, "-dirty" where files differ, or "unknown" outside git."""
-    command = ["git", "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
-    try:
-        result = subprocess.run(
-            command, cwd=Path(__file__).parent, capture_output=True, text=True, check=True
-        )
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-    return result.stdout.strip()
-
-
 def parent_record(path: Path, info: CheckpointInfo) -> dict[str, Any]:
     """Return what `CheckpointInfo.parent` tells of the checkpoint in `path`."""
     return {
@@ -128,9 +115,9 @@ class Run:
 
     def __init__(self, config: TrainConfig, dataset: MugDataset, console: Console) -> None:
         self._config, self._console = config, console
-        self._folder = RunFolder(config.out)
+        self._folder = TrainingFolder(config.out)
         self._dataset_hash = dataset.dataset_hash
-        self._commit = source_commit()
+        self._commit = git_commit()
         self._earlier_commits: tuple[str, ...] = ()
         self._parent: dict[str, Any] | None = None
         scenes = TrainingScenes.from_arrays(dataset, Workspace().p_WV, config.torch_device())

@@ -15,12 +15,10 @@ also what evaluations ask.  A shard depends on the seed and its mug alone; shard
 kept.
 """
 
-import json
-import multiprocessing
 import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -32,8 +30,10 @@ from rich.progress import track
 from split_drake.evaluation.judgement import judge_grasps
 from split_drake.evaluation.scenes import EvalMug
 from split_drake.evaluation.task_records import GraspTrials
+from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import file_sha256
-from split_drake.files import replacing, write_json
+from split_drake.experiments.run import claim_folder
+from split_drake.files import replacing
 from split_drake.pose_task import PoseTask
 from split_drake.scene import Scene
 from split_drake.split.detector import SamplerConfig, SplitDetector
@@ -44,7 +44,7 @@ Shard = dict[str, np.ndarray]
 
 
 class JudgedGraspsError(ValueError):
-    """A folder holds other judged grasps, or not all of them."""
+    """A folder holds not all of the judged grasps."""
 
 
 @dataclass(frozen=True)
@@ -113,26 +113,14 @@ def write_judged(config: JudgeConfig, name: str) -> None:
         )
 
 
-def _open_folder(config: JudgeConfig) -> None:
-    """Make the folder; raise JudgedGraspsError where it holds grasps of another configuration."""
-    config.out.mkdir(parents=True, exist_ok=True)
-    path, record = config.out / "config.json", config.record()
-    if path.exists() and (before := json.loads(path.read_text())) != record:
-        raise JudgedGraspsError(f"{config.out} holds grasps of {before}; asked for {record}")
-    write_json(path, record)
-
-
 def judge(config: JudgeConfig, names: Sequence[str]) -> None:
     """Write the shards of the mugs `names` that are missing."""
-    _open_folder(config)
+    claim_folder(config.out, config.record())
     missing = [name for name in names if not (config.out / f"{name}.npz").exists()]
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(
-        config.workers, context, initializer=torch.set_num_threads, initargs=(1,)
-    ) as executor:
-        futures = [executor.submit(write_judged, config, name) for name in missing]
-        for future in track(as_completed(futures), "mugs", total=len(futures)):
-            future.result()
+    start_worker = partial(torch.set_num_threads, 1)
+    pool = WorkerPool(partial(write_judged, config), config.workers, start_worker=start_worker)
+    for _ in track(pool.run(missing), "mugs", total=len(missing)):
+        pass
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,11 @@ import tyro
 from rich.console import Console
 
 from split_drake.data.dataset import MugDataset
+from split_drake.experiments.provenance import git_commit
 from split_drake.objects.mugs.split import mug_names
 from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
-from split_drake.training.train import parent_record, source_commit
+from split_drake.training.train import parent_record
 from split_drake.training.training_scenes import TrainingScenes
 from split_drake.tuning.evaluator_tuning import (
     JudgedScenes,
@@ -66,7 +67,7 @@ def _tuned_info(
         training=options,
         seed=config.seed,
         dataset_hash=dataset_hash,
-        commit=source_commit(),
+        commit=git_commit(),
         steps=config.steps,
         scenes=2 * config.steps * config.batch.scenes,
         metrics=metrics,

@@ -9,8 +9,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from helpers.planning import UPRIGHT, mug_problem, reorient_plan
-from helpers.robot import PerfectRobot
 from planning.execution.executor import Executor
 from planning.handling.attempts import AttemptLimits, Perception
 from planning.handling.handler import Handled, Handler
@@ -20,6 +18,8 @@ from split_drake.poses import Array
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.scene import Scene, Workspace
 from split_drake.station.layout import Layout
+from tests.helpers.planning import UPRIGHT, mug_problem, reorient_plan
+from tests.helpers.robot import PerfectRobot
 
 WIDTH_M = 0.010
 

@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers.planning import LYING, RADIUS_M, UPRIGHT, WALL_M, mug_cloud, mug_problem
 
 from planning.checking.trajectory_check import TrajectoryChecker
 from planning.geometry.perceived import PerceivedObject, revolved_body, voxel_centroids
@@ -29,6 +28,7 @@ from split_drake.pose_task import PoseTask
 from split_drake.poses import Array, make_pose, transform_points
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.station.layout import HookShape, Layout, same_fixtures
+from tests.helpers.planning import LYING, RADIUS_M, UPRIGHT, WALL_M, mug_cloud, mug_problem
 
 CASES = {
     "hang": (Subgoal.HANG, UPRIGHT),

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.planning import LYING, UPRIGHT, mug_problem
 
 from planning.geometry.perceived import DETAIL_VOXEL_M, voxel_centroids
 from planning.problem import PlanningProblem, Subgoal
@@ -14,6 +13,7 @@ from split_drake.pose_set import PoseSet
 from split_drake.pose_task import PoseTask
 from split_drake.station.layout import HookShape, Layout, same_fixtures
 from split_drake.station.layout_file import layout_from_json, layout_to_json
+from tests.helpers.planning import LYING, UPRIGHT, mug_problem
 
 
 def problems() -> dict[str, PlanningProblem]:

@@ -8,15 +8,16 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import pytest
 
 from planning.problem import Stage
-from scenarios.mug_hang import MugHangOptions, main, open_run, run_config
-from scenarios.trials.records import TrialRecord, read_records
+from scenarios.mug_hang import FREE_KEYS, MugHangOptions, main, run_config, specs_of
+from scenarios.trials.records import TrialRecord, trial_run
 from scenarios.trials.spec import TrialSpec
 from scenarios.trials.trial import crashed_trial, run_trial
+from split_drake.experiments.run import AnotherRunError, RunFolder, json_line
 from split_drake.objects.mugs.split import mug_names
 from split_drake.pose_set import load_pose_sets
 
@@ -24,7 +25,8 @@ ROOT = Path(__file__).parents[2]
 
 
 def spec_of(folder: Path, **options: object) -> TrialSpec:
-    return TrialSpec.of(MugHangOptions(trials=1, **options), 0, folder)  # type: ignore[arg-type]
+    (spec,) = specs_of(MugHangOptions(trials=1, **options), folder, ())  # type: ignore[arg-type]
+    return spec
 
 
 @pytest.mark.parametrize(
@@ -43,7 +45,7 @@ def test_one_full_trial(
             out=tmp_path,
         )
     )
-    (record,) = read_records(tmp_path / "trials.jsonl")
+    (record,) = trial_run(tmp_path).records()
     assert record.traceback is None, record.traceback
     if detector == "oracle":
         assert record.succeeded, record.reason
@@ -77,7 +79,7 @@ def test_the_number_of_workers_changes_no_outcome(tmp_path: Path) -> None:
                 out=folder,
             )
         )
-        runs.append(read_records(folder / "trials.jsonl"))
+        runs.append(trial_run(folder).records())
     for one, two in zip(*runs, strict=True):
         assert one.traceback is None
         assert _without_wall_times(one) == _without_wall_times(two)
@@ -90,8 +92,8 @@ def _without_wall_times(record: TrialRecord) -> TrialRecord:
 
 def test_seeds_choose_the_mug_and_do_not_depend_on_the_run(tmp_path: Path) -> None:
     names = mug_names("test")
-    late = TrialSpec.of(MugHangOptions(trials=9, seed=3), 5, tmp_path)
-    early = TrialSpec.of(MugHangOptions(trials=1, seed=8), 0, tmp_path)
+    late = specs_of(MugHangOptions(trials=9, seed=3), tmp_path, ())[5]
+    (early,) = specs_of(MugHangOptions(trials=1, seed=8), tmp_path, ())
     assert late.seed == early.seed == 8
     assert late.mug_names()[0] == early.mug_names()[0] == names[8]
     assert sorted(late.mug_names()) == sorted(names)
@@ -108,40 +110,41 @@ def test_a_trial_that_throws_is_recorded(tmp_path: Path, monkeypatch: pytest.Mon
     assert "explode" in (record.traceback or "")
 
 
+def claimed(folder: Path, **options: Any) -> RunFolder[TrialRecord]:
+    run = trial_run(folder)
+    run.claim(run_config(MugHangOptions(detector="oracle", **options)), FREE_KEYS)
+    return run
+
+
 def test_a_run_goes_on_after_a_kill(tmp_path: Path) -> None:
-    config = run_config(MugHangOptions(trials=3, detector="oracle"))
-    open_run(tmp_path, config)
+    run = claimed(tmp_path, trials=3)
     done = crashed_trial(spec_of(tmp_path, detector="oracle"))
-    log = tmp_path / "trials.jsonl"
-    log.write_text(done.to_json() + "\n" + replace(done, index=1).to_json()[:50])
-    assert open_run(tmp_path, config) == [done]
-    with log.open("a") as file:
-        file.write(replace(done, index=2).to_json() + "\n")
-    assert [record.index for record in open_run(tmp_path, config)] == [0, 2]
-    fewer = run_config(MugHangOptions(trials=1, detector="oracle"))
-    assert open_run(tmp_path, fewer) == [done]
+    run.log.write_text(json_line(done) + "\n" + json_line(replace(done, index=1))[:50])
+    run = claimed(tmp_path, trials=3)
+    assert run.records() == [done]
+    run.append(replace(done, index=2))
+    assert [record.index for record in claimed(tmp_path, trials=3).records()] == [0, 2]
 
 
 def test_a_finished_run_is_not_run_again_but_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delattr("scenarios.mug_hang.run_missing")
-    options = MugHangOptions(trials=1, detector="oracle", out=tmp_path)
-    open_run(tmp_path, run_config(options))
+    monkeypatch.delattr("split_drake.experiments.pool.WorkerPool._run_until_crash")
     done = crashed_trial(spec_of(tmp_path, detector="oracle"))
-    (tmp_path / "trials.jsonl").write_text(done.to_json() + "\n")
-    main(options)
-    assert read_records(tmp_path / "trials.jsonl") == [done]
-    failures = json.loads((tmp_path / "summary.json").read_text())["failures"]
-    assert failures == {Stage.ERROR: 1}
+    run = claimed(tmp_path, trials=2)
+    run.append(done)
+    run.append(replace(done, index=1))
+    main(MugHangOptions(trials=1, detector="oracle", out=tmp_path))
+    assert run.records() == [done, replace(done, index=1)]
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["trials"], summary["failures"]) == (1, {Stage.ERROR: 1})
 
 
 def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:
-    open_run(tmp_path, run_config(MugHangOptions(detector="oracle")))
-    more = MugHangOptions(detector="oracle", trials=80, workers=1)
-    assert open_run(tmp_path, run_config(more)) == []
-    with pytest.raises(ValueError, match=r"seed was 0, is 7.*choose an --out"):
-        open_run(tmp_path, run_config(MugHangOptions(detector="oracle", seed=7)))
+    claimed(tmp_path)
+    assert claimed(tmp_path, trials=80, workers=1).records() == []
+    with pytest.raises(AnotherRunError, match=r"seed was 0, is 7.*choose another folder"):
+        claimed(tmp_path, seed=7)
 
 
 @pytest.mark.parametrize(
@@ -169,7 +172,7 @@ def test_ctrl_c_leaves_a_valid_folder(tmp_path: Path) -> None:
         time.sleep(0.2)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does, the workers too
     assert process.wait() == 0
-    records = read_records(log)
+    records = trial_run(tmp_path).records()
     assert records
     assert all(record.traceback is None for record in records)
     assert "the worker process died" not in [record.reason for record in records]

@@ -7,10 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.physics_study import StudyOptions, main, open_study
+from scenarios.physics_study import StudyOptions, main
 from scenarios.study.cells import FACTORS, study_cells
 from scenarios.study.report import paired_p, study_rows, write_study
-from scenarios.study.trials import StudyRecord, StudyTrial, crashed_study_trial, run_study_trial
+from scenarios.study.trials import (
+    StudyRecord,
+    StudyTrial,
+    crashed_study_trial,
+    run_study_trial,
+    study_run,
+)
+from split_drake.experiments.run import json_line
 from split_drake.station.config import StationConfig
 
 CELLS = study_cells(FACTORS)
@@ -70,11 +77,11 @@ def test_a_study_of_one_trial_a_cell_goes_on_and_reports(tmp_path: Path) -> None
     options = StudyOptions(tmp_path, trials=1, factors=("mass",), hold_s=0.2, workers=1)
     (mass, *_), default = ([c for c in CELLS if c.factor == f] for f in ("mass", None))
     known = [record(0, "success", cell.name) for cell in (*default, mass)]
-    open_study(options)
-    log = tmp_path / "trials.jsonl"
-    log.write_text("".join(each.to_json() + "\n" for each in known) + '{"cell":"ha')
+    tmp_path.joinpath("trials.jsonl").write_text(
+        "".join(json_line(each) + "\n" for each in known) + '{"cell":"ha'
+    )
     main(options)
-    records = open_study(options)
+    records = study_run(tmp_path).records()
     assert records[:3] == known
     assert [each.cell for each in records[3:]] == ["hang: mass 0.3 kg", "hang: mass 0.5 kg"]
     assert all(each.outcome != "error" for each in records)
@@ -82,7 +89,7 @@ def test_a_study_of_one_trial_a_cell_goes_on_and_reports(tmp_path: Path) -> None
     assert [row["trials"] for row in rows] == [1] * 5
     assert "| mass | 0.5 kg | 1/1" in (tmp_path / "study.md").read_text()
     with pytest.raises(ValueError, match="seed was 0, is 5"):
-        open_study(replace(options, seed=5))
+        main(replace(options, seed=5))
 
 
 def test_rows_compare_the_same_seeds(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.planning import LYING, UPRIGHT, mug_problem
 
 from planning.collision.world import static_checker
 from planning.motion.timing import rest
@@ -28,15 +27,17 @@ from scenarios.bench.records import (
     ERROR,
     REFUSED,
     BenchTask,
-    read_bench_records,
+    bench_run,
     run_planner,
     run_task,
 )
 from scenarios.planner_bench import BenchOptions, main
+from split_drake.experiments.run import json_line
 from split_drake.poses import Array, make_pose, rotation_x
 from split_drake.robot.kinematics import closed_form_ik
 from split_drake.robot.panda import Q_HOME, panda_positions
 from split_drake.station.layout import Layout
+from tests.helpers.planning import LYING, UPRIGHT, mug_problem
 
 SEED = (0, 0)
 
@@ -72,7 +73,7 @@ def test_three_problems_from_file_to_table_and_on(tmp_path: Path) -> None:
     with (out / "results.jsonl").open("a") as log:
         log.write('{"problem":"cut o')
     main(BenchOptions(planner=("rrt", "gcs"), problems=file, out=out))
-    records = read_bench_records(out / "results.jsonl")
+    records = bench_run(out).records()
     found = {(r.problem, r.planner): r.outcome for r in records}
     assert len(records) == len(found) == 6
     assert {outcome for (name, _), outcome in found.items() if name != "far"} == {"solved"}
@@ -85,7 +86,7 @@ def test_three_problems_from_file_to_table_and_on(tmp_path: Path) -> None:
     main(BenchOptions(planner=("rrt",), problems=file, limit=1, out=out))
     limited = json.loads((out / "summary.json").read_text())
     assert {name: s["solved"]["trials"] for name, s in limited["planners"].items()} == {"rrt": 1}
-    assert len(read_bench_records(out / "results.jsonl")) == 6
+    assert len(bench_run(out).records()) == 6
     with pytest.raises(ValueError, match="seed was 0, is 1"):
         main(BenchOptions(problems=file, seed=1, out=out))
 
@@ -135,7 +136,7 @@ def test_counts_of_any_number_type_can_be_written() -> None:
     problem = mug_problem(Subgoal.HANG, UPRIGHT)
     failure = PlanFailure(Stage.PLANNING, "no way", {"samples": np.int64(7)})
     record = run_planner(lambda: Fixed(failure), "fixed", problem, "hang", SEED)
-    assert json.loads(record.to_json())["search"] == {"samples": 7.0}
+    assert json.loads(json_line(record))["search"] == {"samples": 7.0}
 
 
 def test_a_planner_that_cannot_be_made_is_an_error(

@@ -9,21 +9,20 @@ from split_drake.pose_set import PoseSet
 from split_drake.poses import make_pose
 from split_drake.station.layout import Layout
 
-README = Path(__file__).parents[2] / "README.md"
+ROOT = Path(__file__).parents[2]
 
 
-def examples() -> list[str]:
-    """Return the README's blocks of Python, in their order."""
-    return re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
+def examples(name: str) -> list[str]:
+    """Return the blocks of Python in a README, in their order."""
+    return re.findall(r"```python\n(.*?)```", (ROOT / name).read_text(), flags=re.DOTALL)
 
 
 def test_the_planner_is_the_one_that_is_tested() -> None:
-    example = Path(__file__).parents[1] / "helpers" / "example_planner.py"
-    assert examples()[1] == example.read_text()
+    assert examples("planning/README.md")[0] == (ROOT / "tests/helpers/one_bend.py").read_text()
 
 
 def test_the_example_finds_grasps() -> None:
-    example = examples()[0]
+    example = examples("README.md")[0]
     camera = Layout().cameras[1]
     renderer = DepthRenderer(load_mug("test_004").body.mesh)
     view = renderer.render(make_pose(p=(0.5, 0.0, 0.0)), camera)

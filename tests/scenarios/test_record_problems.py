@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.planning import UPRIGHT, mug_problem
 
 from planning.motion.regions import load_regions
 from planning.problem import PlanningProblem, Subgoal
@@ -17,6 +16,7 @@ from split_drake.pose_task import PoseTask
 from split_drake.poses import make_pose
 from split_drake.robot.panda import Q_HOME
 from split_drake.station.layout import Layout
+from tests.helpers.planning import UPRIGHT, mug_problem
 
 HANG = "hang-oracle-test-0"
 

@@ -7,6 +7,7 @@ import pytest
 from scenarios import mug_hang
 from scenarios.speed import GIB, SpeedOptions, figures, main
 from scenarios.trials.records import TrialRecord
+from split_drake.experiments.run import json_line
 from split_drake.files import write_json
 
 
@@ -58,7 +59,7 @@ def test_only_whole_runs_of_the_same_trials_are_compared(
         """Leave what a run leaves that has ended after as many trials as `held` says."""
         folder = options.out or tmp_path
         folder.mkdir(parents=True)
-        lines = [record(index).to_json() + "\n" for index in range(held[options.workers])]
+        lines = [json_line(record(index)) + "\n" for index in range(held[options.workers])]
         (folder / "trials.jsonl").write_text("".join(lines))
         write_json(folder / "summary.json", {"wall_s": 30.0, "trials": held[options.workers]})
         runs.append(options.workers)
@@ -73,7 +74,7 @@ def test_only_whole_runs_of_the_same_trials_are_compared(
 def test_a_run_that_was_killed_is_not_timed(tmp_path: Path) -> None:
     folder = tmp_path / "1_workers"
     folder.mkdir()
-    (folder / "trials.jsonl").write_text(record(0).to_json() + "\n" + record(1).to_json() + "\n")
+    (folder / "trials.jsonl").write_text(json_line(record(0)) + "\n" + json_line(record(1)) + "\n")
     write_json(folder / "summary.json", {"wall_s": 9.0, "trials": 1})
     with pytest.raises(ValueError, match="holds 2 trials, and the time of 1: the run was killed"):
         main(SpeedOptions(out=tmp_path, trials=3))

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.planning import LYING, UPRIGHT, mug_problem
 
 from planning.checking.plan_contract import contract_violations
 from planning.checking.trajectory_check import TrajectoryChecker
@@ -25,6 +24,7 @@ from split_drake.pose_task import HANDLE_FLIP
 from split_drake.poses import invert_pose, make_pose, rotation_x, transform_points
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.station.layout import Layout
+from tests.helpers.planning import LYING, UPRIGHT, mug_problem
 
 Spoil = Callable[[Plan], Plan]
 ASIDE = make_pose(p=(0.0, 0.05, 0.0))

@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers.planning import UPRIGHT, mug_cloud, mug_problem, reorient_plan
 
 from planning.checking.checked_planner import CheckedPlanner
 from planning.checking.trajectory_check import STEP_RAD, TrajectoryChecker, fine_steps
@@ -29,6 +28,7 @@ from split_drake.poses import Array, make_pose, transform_points
 from split_drake.robot.gripper import MAX_OPENING_M
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.station.layout import Layout
+from tests.helpers.planning import UPRIGHT, mug_cloud, mug_problem, reorient_plan
 
 
 @cache

@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers.planning import configuration
 from pydrake.geometry import QueryObject
 from pydrake.planning import RobotDiagramBuilder
 
@@ -30,6 +29,7 @@ from split_drake.robot.kinematics import gripper_pose, link_poses
 from split_drake.robot.panda import Q_HOME, add_panda, arm_limits, panda_positions
 from split_drake.station.fixtures import add_hook, add_table
 from split_drake.station.layout import Layout
+from tests.helpers.planning import configuration
 
 FINGERS = frozenset({AllowedContact.FINGERS_TARGET})
 TABLE = frozenset({AllowedContact.HELD_TABLE})

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers.planning import HEIGHT_M, RADIUS_M, mug_cloud
 from scipy.spatial.transform import Rotation
 
 from planning.geometry.perceived import voxel_centroids
@@ -16,6 +15,7 @@ from split_drake.poses import (
     rotation_z,
     transform_points,
 )
+from tests.helpers.planning import HEIGHT_M, RADIUS_M, mug_cloud
 
 NOISE_M = 0.001
 

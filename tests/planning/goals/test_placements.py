@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.planning import UPRIGHT, mug_problem
 
 from planning.collision.exemptions import TABLE_ERROR_M
 from planning.geometry.modes import distinct_modes, mode_means
@@ -22,6 +21,7 @@ from planning.problem import Subgoal
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import HANDLE_FLIP, PoseTask
 from split_drake.poses import Array, make_pose, rotation_z, transform_points
+from tests.helpers.planning import UPRIGHT, mug_problem
 
 
 def ring(radius_m: float) -> Array:

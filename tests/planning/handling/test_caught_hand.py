@@ -5,9 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.handling import WIDTH_M, Placer, failures, handle, sees
-from helpers.planning import UPRIGHT, mug_problem, reorient_plan
-from helpers.robot import PerfectRobot
 
 from planning.execution.executor import ExecutionResult
 from planning.execution.faults import CATCHING_FORCE_N
@@ -20,6 +17,9 @@ from planning.problem import Segment, SegmentName, Stage, Subgoal
 from split_drake.poses import Array, invert_pose, make_pose, rotation_z, transform_points
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.robot.panda import Q_HOME
+from tests.helpers.handling import WIDTH_M, Placer, failures, handle, sees
+from tests.helpers.planning import UPRIGHT, mug_problem, reorient_plan
+from tests.helpers.robot import PerfectRobot
 
 
 def catch(robot: PerfectRobot, normal_W: tuple[float, float, float]) -> Callable[[Segment], None]:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from planning.problem import Stage
-from scenarios.mug_hang import MugHangOptions
-from scenarios.trials import trial
+from scenarios.mug_hang import MugHangOptions, specs_of
+from scenarios.trials import perception
 from scenarios.trials.detectors import make_detector
 from scenarios.trials.records import TrialRecord
 from scenarios.trials.setup import Setup
@@ -25,7 +25,7 @@ def spec_of(folder: Path, seed: int) -> TrialSpec:
     options = MugHangOptions(
         trials=1, seed=seed, detector="oracle", mugs="train", record="none", workers=1
     )
-    return TrialSpec.of(options, 0, folder)
+    return specs_of(options, folder, ())[0]
 
 
 def without_wall_times(record: TrialRecord) -> TrialRecord:
@@ -70,7 +70,7 @@ def test_a_mug_that_was_missed_is_taken_at_the_second_attempt(
         detector = make_detector(spec, setup, wide)
         return detector if wide else HighAtFirst(detector)
 
-    monkeypatch.setattr(trial, "make_detector", misled)
+    monkeypatch.setattr(perception, "make_detector", misled)
     record = run_trial(spec_of(tmp_path, seed=1))
     assert record.succeeded, record.reason
     assert record.attempts[0]["stage"] == Stage.GRASP

@@ -8,9 +8,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from helpers.handling import WIDTH_M, Placer, blocking_floor_m, failures, handle, placing, sees
-from helpers.planning import UPRIGHT, mug_problem, reorient_plan
-from helpers.robot import PerfectRobot
 
 from planning.execution.faults import Fault
 from planning.handling.attempts import AttemptLimits
@@ -22,6 +19,17 @@ from split_drake.pose_task import PoseTask
 from split_drake.poses import Array, make_pose, transform_points
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.robot.panda import Q_HOME
+from tests.helpers.handling import (
+    WIDTH_M,
+    Placer,
+    blocking_floor_m,
+    failures,
+    handle,
+    placing,
+    sees,
+)
+from tests.helpers.planning import UPRIGHT, mug_problem, reorient_plan
+from tests.helpers.robot import PerfectRobot
 
 
 def test_where_nothing_happens_the_plan_is_executed_as_it_is() -> None:

@@ -4,7 +4,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers.planning import configuration
 
 from planning.handling.held_view import MAX_TURN_RAD, beside_robot, view_held
 from split_drake.camera import DepthView
@@ -23,6 +22,7 @@ from split_drake.robot.kinematics import gripper_pose
 from split_drake.scene import Scene
 from split_drake.station.layout import Layout
 from split_drake.station.station import Station
+from tests.helpers.planning import configuration
 
 LAYOUT = Layout()
 LOWEST_Z_M = LAYOUT.workspace.lowest_z_m

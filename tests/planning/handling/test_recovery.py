@@ -4,8 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers.planning import mug_cloud, reorient_plan
-from helpers.robot import PerfectRobot
 
 from planning.execution.executor import ExecutionResult, Executor, SegmentLog
 from planning.handling.recovery import Recovery, put_down_segments, retraced, withdrawal
@@ -15,6 +13,8 @@ from split_drake.poses import transform_points
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.robot.panda import Q_HOME
 from split_drake.station.layout import Layout
+from tests.helpers.planning import mug_cloud, reorient_plan
+from tests.helpers.robot import PerfectRobot
 
 
 def executed(segments: tuple[Segment, ...], last_s: float | None = None) -> ExecutionResult:

@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.planning import LYING, UPRIGHT, mug_problem, reorient_plan
-from helpers.robot import PerfectRobot
 
 from planning.execution.executor import Executor
 from planning.handling.attempts import AttemptLimits
@@ -25,6 +23,8 @@ from split_drake.pose_set import PoseSet
 from split_drake.pose_task import PoseTask
 from split_drake.poses import make_pose
 from split_drake.scene import EmptySceneError, Scene, Workspace
+from tests.helpers.planning import LYING, UPRIGHT, mug_problem, reorient_plan
+from tests.helpers.robot import PerfectRobot
 
 
 def scene_of(problem: PlanningProblem) -> Scene:

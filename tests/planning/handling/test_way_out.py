@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers.planning import configuration
-from helpers.robot import PerfectRobot
 
 from planning.collision.world import CollisionWorld
 from planning.execution.executor import Executor
@@ -12,6 +10,8 @@ from planning.handling.way_out import MIN_SIDEWAYS_N, WayOut, ways_out
 from split_drake.poses import make_pose, rotation_x
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.station.layout import Layout
+from tests.helpers.planning import configuration
+from tests.helpers.robot import PerfectRobot
 
 DOWN = make_pose(rotation_x(np.pi), (0.5, -0.15, 0.12))
 NOWHERE = np.array([[0.5, 0.0, 0.02]])

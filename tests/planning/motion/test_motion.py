@@ -4,10 +4,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers.planning import configuration
 
 from planning.collision.world import EDGE_STEP_RAD, CollisionWorld, Situation
-from planning.motion.free import NoMotion, free_motion, rrt_motion, timed
+from planning.motion.free import MotionQuery, NoMotion, free_motion, rrt_motion, timed
 from planning.motion.rrt import shortcut
 from planning.motion.timing import CAREFUL, FREE, Speed, join, rest, time_path
 from planning.motion.trajopt import optimize_path
@@ -15,6 +14,7 @@ from planning.problem import SAMPLE_S, JointTrajectory
 from split_drake.poses import Array
 from split_drake.robot.panda import Q_HOME, arm_limits
 from split_drake.station.layout import Layout
+from tests.helpers.planning import configuration
 
 LEFT, RIGHT = (0.5, -0.15, 0.12), (0.5, 0.15, 0.12)
 
@@ -33,13 +33,13 @@ def walled() -> Situation:
 
 def around_the_wall(seed: int) -> Array | None:
     ends = configuration(LEFT), configuration(RIGHT)
-    path = free_motion(world(), *ends, walled(), np.random.default_rng(seed))
+    path = free_motion(MotionQuery(world(), *ends, walled()), np.random.default_rng(seed))
     return None if isinstance(path, NoMotion) else path
 
 
 def test_a_free_straight_motion_is_taken() -> None:
     ends = configuration(LEFT), configuration(RIGHT)
-    path = free_motion(world(), *ends, Situation(0.08), np.random.default_rng(0))
+    path = free_motion(MotionQuery(world(), *ends, Situation(0.08)), np.random.default_rng(0))
     assert isinstance(path, np.ndarray)
     np.testing.assert_array_equal(path, np.stack(ends))
 
@@ -64,7 +64,7 @@ def test_a_goal_in_collision_has_no_path() -> None:
     blocked = configuration((0.5, 0.0, 0.005))
     ends = configuration(LEFT), blocked
     for motion in (free_motion, rrt_motion):
-        path = motion(world(), *ends, Situation(0.08), np.random.default_rng(0))
+        path = motion(MotionQuery(world(), *ends, Situation(0.08)), np.random.default_rng(0))
         assert isinstance(path, NoMotion)
         assert "RRT-Connect" in path.reason
 

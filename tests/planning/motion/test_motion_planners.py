@@ -4,17 +4,16 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-import helpers.example_planner  # noqa: F401  (registers "one-bend")
 import numpy as np
 import pytest
-from helpers.planning import LYING, UPRIGHT, configuration, mug_cloud, mug_problem
 from pydrake.common import RandomGenerator
 from pydrake.geometry.optimization import HPolyhedron
 
+import tests.helpers.one_bend  # noqa: F401  (registers "one-bend")
 from planning.checking.trajectory_check import TrajectoryChecker
 from planning.collision.world import CollisionWorld, Situation
 from planning.geometry.perceived import voxel_centroids
-from planning.motion.free import NoMotion
+from planning.motion.free import MotionQuery, NoMotion
 from planning.motion.gcs import GcsMotion
 from planning.motion.regions import Regions, grow_regions, load_regions, save_regions
 from planning.planner import make_planner, planner_names
@@ -23,6 +22,7 @@ from split_drake.poses import Array, make_pose, transform_points
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.robot.panda import Q_HOME
 from split_drake.station.layout import Layout
+from tests.helpers.planning import LYING, UPRIGHT, configuration, mug_cloud, mug_problem
 
 LEFT, RIGHT = (0.5, -0.12, 0.25), (0.5, 0.12, 0.25)
 CASES = {"hang": (Subgoal.HANG, UPRIGHT), "reorient": (Subgoal.REORIENT, LYING)}
@@ -58,10 +58,12 @@ def test_planners_are_registered() -> None:
 
 def test_gcs_joins_its_ends_smoothly_and_draws_nothing() -> None:
     ends = configuration(LEFT), configuration(RIGHT)
-    paths = [gcs()(world(), *ends, Situation(0.08), np.random.default_rng(seed)) for seed in (0, 1)]
-    assert all(isinstance(path, np.ndarray) for path in paths), paths
-    np.testing.assert_array_equal(*paths)
-    np.testing.assert_array_equal(np.asarray(paths[0])[[0, -1]], ends)
+    query = MotionQuery(world(), *ends, Situation(0.08))
+    first, second = (gcs()(query, np.random.default_rng(seed)) for seed in (0, 1))
+    assert isinstance(first, np.ndarray), first
+    assert isinstance(second, np.ndarray), second
+    np.testing.assert_array_equal(first, second)
+    np.testing.assert_array_equal(first[[0, -1]], ends)
 
 
 def test_a_gcs_path_through_the_object_is_refused() -> None:
@@ -72,7 +74,7 @@ def test_a_gcs_path_through_the_object_is_refused() -> None:
     p_GPalm = np.array([[0.0, 0.0, -0.08]])
     half_way = transform_points(gripper_pose(path[len(path) // 2]), p_GPalm)
     in_the_way = Situation(0.08, p_WStanding=half_way)
-    refused = gcs()(world(), *ends, in_the_way, np.random.default_rng(0))
+    refused = gcs()(MotionQuery(world(), *ends, in_the_way), np.random.default_rng(0))
     assert refused == NoMotion("the GCS path collides")
 
 
@@ -80,7 +82,7 @@ def test_regions_of_another_station_are_refused() -> None:
     regions = load_regions()
     raised = replace(regions.layout, X_WK=regions.layout.X_WK @ make_pose(p=(0.0, 0.0, 0.02)))
     motion = GcsMotion(replace(regions, layout=raised))
-    answer = motion(world(), Q_HOME, Q_HOME, Situation(0.08), np.random.default_rng(0))
+    answer = motion(MotionQuery(world(), Q_HOME, Q_HOME, Situation(0.08)), np.random.default_rng(0))
     assert isinstance(answer, NoMotion)
     assert "another station" in answer.reason
 

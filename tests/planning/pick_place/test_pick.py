@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers.planning import configuration
 
 from planning.geometry.perceived import PerceivedObject
 from planning.pick_place.fingers import RELEASE_CLEARANCE_M
@@ -10,6 +9,7 @@ from planning.pick_place.pick import held_pick
 from split_drake.poses import Array, transform_points
 from split_drake.robot.gripper import MAX_OPENING_M
 from split_drake.robot.kinematics import gripper_pose
+from tests.helpers.planning import configuration
 
 Q = configuration((0.5, 0.0, 0.25))
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers.planning import LYING, UPRIGHT, mug_problem, rim_grasps
 
 from planning.pick_place.fingers import fit_fingers
 from planning.pick_place.turned_grasps import TURNED, turned_grasps
@@ -12,6 +11,7 @@ from split_drake.pose_set import PoseSet
 from split_drake.pose_task import PoseTask
 from split_drake.poses import Array, invert_pose, make_pose, rotation_error_rad
 from split_drake.robot.panda import Q_HOME
+from tests.helpers.planning import LYING, UPRIGHT, mug_problem, rim_grasps
 
 
 def grasp_set(X_WGs: Array) -> PoseSet:

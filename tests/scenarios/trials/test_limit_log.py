@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.planning import configuration
 
 from scenarios.trials.limit_log import LimitLog, Peaks, worst
 from scenarios.trials.records import TrialRecord, worst_peaks
@@ -13,6 +12,7 @@ from split_drake.objects.mugs.split import load_mug
 from split_drake.robot.panda import MAX_WEIGHT_NM, Q_HOME, arm_limits, weight_torques_nm
 from split_drake.station.station import Station
 from split_drake.truth.state import Truth
+from tests.helpers.planning import configuration
 
 WITHIN = Peaks(0.5, 0.7, 0.6, 0.001)
 

@@ -10,10 +10,11 @@ from scenarios.trials.records import (
     TrialRecord,
     failures_by_stage,
     median_seconds,
-    read_records,
     total_redraws,
+    trial_run,
 )
 from scenarios.trials.report import index_page, rates_by_width, summarize, write_report
+from split_drake.experiments.run import json_line
 from split_drake.experiments.statistics import Rate
 
 CONFIG = {
@@ -40,18 +41,18 @@ BAD = replace(GOOD, index=1, mug_diameter_m=0.1, outcome="grasp", reason="it <sl
 
 def test_records_come_back_in_order(tmp_path: Path) -> None:
     path = tmp_path / "trials.jsonl"
-    path.write_text("".join(record.to_json() + "\n" for record in (BAD, GOOD)))
-    assert read_records(path) == [GOOD, BAD]
-    assert read_records(tmp_path / "none.jsonl") == []
+    path.write_text("".join(json_line(record) + "\n" for record in (BAD, GOOD)))
+    assert trial_run(tmp_path).records() == [BAD, GOOD]
+    assert trial_run(tmp_path / "none").records() == []
 
 
 def test_a_line_cut_off_by_a_kill_is_left_out_but_damage_is_not(tmp_path: Path) -> None:
     path = tmp_path / "trials.jsonl"
-    path.write_text(GOOD.to_json() + "\n" + BAD.to_json()[:40])
-    assert read_records(path) == [GOOD]
-    path.write_text(BAD.to_json()[:40] + "\n" + GOOD.to_json() + "\n")
+    path.write_text(json_line(GOOD) + "\n" + json_line(BAD)[:40])
+    assert trial_run(tmp_path).records() == [GOOD]
+    path.write_text(json_line(BAD)[:40] + "\n" + json_line(GOOD) + "\n")
     with pytest.raises(ValueError, match="jsonl:1"):
-        read_records(path)
+        trial_run(tmp_path).records()
 
 
 def test_wilson_interval_of_a_known_case() -> None:
@@ -88,8 +89,8 @@ def test_checked_plans_are_counted_and_their_violations_told(tmp_path: Path) -> 
     assert summary["plans_checked_in"] == 2
     assert summary["violations"] == {"3": ("transfer: hand and hook overlap",)}
     path = tmp_path / "trials.jsonl"
-    path.write_text("".join(r.to_json() + "\n" for r in (GOOD, checked, colliding)))
-    assert read_records(path) == [GOOD, checked, colliding]
+    path.write_text("".join(json_line(r) + "\n" for r in (GOOD, checked, colliding)))
+    assert trial_run(tmp_path).records() == [GOOD, checked, colliding]
 
 
 def test_reports_of_nothing_are_valid(tmp_path: Path) -> None:

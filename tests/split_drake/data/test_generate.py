@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.data import make_checked, make_rests
 
 from split_drake.data import generate as generate_module
 from split_drake.data import scene_generator
@@ -25,6 +24,7 @@ from split_drake.data.randomization import DomainRandomization
 from split_drake.objects.mugs.split import load_mug
 from split_drake.poses import check_poses
 from split_drake.scene import Workspace
+from tests.helpers.data import make_checked, make_rests
 
 NAMES = ("test_002", "test_007")
 SCENES = 4

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.data import make_checked, make_rests
 
 from split_drake.data.grasp_candidates import GraspCandidates, GraspState
 from split_drake.data.mug_scenes import MugScene, MugScenes
@@ -15,6 +14,7 @@ from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.mugs.split import load_mug
 from split_drake.poses import Array, invert_pose, make_pose, rotation_x, transform_points
 from split_drake.station.layout import Layout
+from tests.helpers.data import make_checked, make_rests
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from helpers.data import make_rests
 from scipy.spatial import cKDTree
 
 from split_drake.data.mug_scenes import MugScene, MugScenes
@@ -19,6 +18,7 @@ from split_drake.poses import invert_pose, make_pose, rotation_error_rad, transf
 from split_drake.scene import Scene
 from split_drake.station.layout import CameraPlacement, Layout
 from split_drake.truth.starts import SPREAD_M
+from tests.helpers.data import make_rests
 
 LAYOUT = Layout()
 NOTHING_VARIES = DomainRandomization(

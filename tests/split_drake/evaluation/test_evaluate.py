@@ -15,7 +15,7 @@ from split_drake.evaluation.evaluate import (
     require_shippable,
     require_unseen,
 )
-from split_drake.evaluation.scenes import EvalMugs, EvalOptions, sources_sha256
+from split_drake.evaluation.scenes import EvalMugs, EvalOptions
 from split_drake.objects.mugs.split import load_mug
 from split_drake.split.checkpoint import CheckpointInfo, default_weights, load_checkpoint
 from split_drake.split.network import SplitConfig
@@ -28,7 +28,7 @@ from split_drake.split.network import SplitConfig
         ({"scenes_per_mug": 0}, "scenes_per_mug is 0; expected at least 1"),
         ({"physics_scenes": -1}, "physics_scenes is -1; expected at least 0"),
         ({"noise_m": -0.001}, "noise_m is -0.001; expected a standard deviation"),
-        ({"mugs": "cups"}, "mugs is 'cups'; expected train, test or an existing folder"),
+        ({"mugs": "cups"}, "mugs are 'cups'; expected train, test, or a folder"),
     ],
 )
 def test_impossible_options_are_refused(options: dict[str, object], message: str) -> None:
@@ -63,10 +63,10 @@ def test_scenes_are_spread_evenly_over_the_mugs_of_a_split() -> None:
 def test_other_meshes_are_told_apart(tmp_path: Path) -> None:
     options = EvalOptions(mugs=str(tmp_path))
     trimesh.creation.box().export(tmp_path / "one.stl")
-    before = sources_sha256(options)
-    assert before == sources_sha256(options)
+    before = options.source.sha256()
+    assert before == options.source.sha256()
     trimesh.creation.icosphere().export(tmp_path / "one.stl")
-    assert sources_sha256(options) != before
+    assert options.source.sha256() != before
 
 
 def info(commit: str = "c0ffee", **changes: object) -> CheckpointInfo:

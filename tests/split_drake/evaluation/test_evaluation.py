@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.evaluation import scene_record, standing_mug
 from rich.console import Console
 
 from split_drake.evaluation import evaluation
-from split_drake.evaluation.evaluation import evaluate
+from split_drake.evaluation.evaluation import evaluate, evaluation_run
 from split_drake.evaluation.examiner import Examiner
-from split_drake.evaluation.record import SceneRecord, read_records
+from split_drake.evaluation.record import SceneRecord
 from split_drake.evaluation.scenes import EvalMug, EvalOptions
 from split_drake.evaluation.summary import (
     calibration_table,
@@ -24,10 +23,12 @@ from split_drake.evaluation.summary import (
     share,
     summarize,
 )
+from split_drake.experiments.run import AnotherRunError, json_line
 from split_drake.pose_task import PoseTask
 from split_drake.poses import make_pose
 from split_drake.scene import Scene
 from split_drake.split.detector import SamplerConfig, ScoredSamples
+from tests.helpers.evaluation import scene_record, standing_mug
 
 QUIET = Console(quiet=True)
 
@@ -80,13 +81,17 @@ def test_a_scene_depends_on_seed_and_number_alone() -> None:
 
 
 def test_records_survive_their_file_but_for_a_line_that_was_cut_off(tmp_path: Path) -> None:
-    path = tmp_path / "scenes.jsonl"
-    assert read_records(path) == []
+    folder = evaluation_run(tmp_path)
+    assert folder.records() == []
+    folder.claim({})
     written = [scene_record(0), scene_record(1, good=False)]
-    text = "".join(record.to_json() + "\n" for record in written)
-    path.write_text(text + scene_record(2).to_json()[:-5])
-    assert read_records(path) == written
-    assert path.read_text() == text
+    for record in written:
+        folder.append(record)
+    text = folder.log.read_text()
+    folder.log.write_text(text + json_line(scene_record(2))[:-5])
+    assert folder.records() == written
+    folder.claim({})
+    assert folder.log.read_text() == text
 
 
 def test_shares_come_with_counts_and_wilsons_interval() -> None:
@@ -183,16 +188,16 @@ def test_figures_of_other_detectors_or_scenes_are_not_mixed(
 ) -> None:
     monkeypatch.setattr(evaluation, "_examine_all", examine_by_hand(stop_before=-1))
     run(tmp_path)
-    with pytest.raises(SystemExit, match="other values of detector"):
+    with pytest.raises(AnotherRunError, match="another run \\(detector was"):
         run(tmp_path, detector="other")
-    with pytest.raises(SystemExit, match="other values of seed"):
+    with pytest.raises(AnotherRunError, match="another run \\(seed was 0, is 1"):
         run(tmp_path, seed=1)
 
 
 def test_workers_change_nothing(tmp_path: Path) -> None:
     options = EvalOptions(scenes=2)
     evaluate(GuessingDetector, {"name": "guess"}, options, tmp_path, 2, QUIET)
-    (first, second) = sorted(read_records(tmp_path / "scenes.jsonl"), key=lambda r: r.index)
+    (first, second) = sorted(evaluation_run(tmp_path).records(), key=lambda r: r.index)
     examiner = Examiner(GuessingDetector(), evaluation.EvalMugs(options), options)
     assert without_time(examiner.examine(1)) == without_time(second)
     assert without_time(examiner.examine(0)) == without_time(first)

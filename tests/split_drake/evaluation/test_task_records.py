@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from helpers.evaluation import standing_mug
 
 from split_drake.data.mug_scenes import MugScene
 from split_drake.evaluation.scenes import EvalMug
@@ -19,6 +18,7 @@ from split_drake.evaluation.task_records import (
 from split_drake.grasps.free_hand import Hold
 from split_drake.poses import Array, make_pose, rotation_x, rotation_y, rotation_z
 from split_drake.split.detector import ScoredSamples
+from tests.helpers.evaluation import standing_mug
 
 
 @pytest.fixture(scope="module")

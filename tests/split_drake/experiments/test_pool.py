@@ -24,13 +24,13 @@ def crashed(item: int) -> int:
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
 def test_a_dead_worker_costs_only_the_item_that_killed_it(workers: int) -> None:
-    results = list(WorkerPool(square_or_die, crashed, workers).run(range(6)))
+    results = list(WorkerPool(square_or_die, workers, crashed).run(range(6)))
     assert sorted(results) == [-3, 0, 1, 4, 16, 25]
 
 
 def spawn_and_stay(marks: Path) -> None:
     """Run two trials that last, and leave the workers' process numbers in a folder."""
-    list(WorkerPool(mark_and_wait, str, workers=2).run([marks] * 2))
+    list(WorkerPool(mark_and_wait, workers=2).run([marks] * 2))
 
 
 def mark_and_wait(marks: Path) -> str:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import shapely
 import trimesh
-from test_mugs import piece_surface, signed_distances
 
 from split_drake.objects.mug_shape import InvalidMugError, MugShape
 from split_drake.objects.mugs.split import load_mug, mug_names, mug_parameters
@@ -22,6 +21,7 @@ from split_drake.objects.scanned.handle import CELL_M, see_through
 from split_drake.objects.scanned.mass import is_closed, mass_properties
 from split_drake.objects.scanned.profile import measure_profile
 from split_drake.poses import Array, make_pose, rotation_x, rotation_z
+from tests.split_drake.objects.test_mugs import piece_surface, signed_distances
 
 REAL_MUGS = Path(__file__).parents[4] / "shared" / "real_mugs"
 ONE_OF_EACH_PROFILE = {mug_parameters(name).profile: name for name in mug_names("test")}

@@ -10,10 +10,9 @@ import trimesh
 from rich.console import Console
 
 from planning.problem import Subgoal
-from scenarios.mug_hang import MugHangOptions, main, run_config
+from scenarios.mug_hang import MugHangOptions, main, run_config, specs_of
 from scenarios.trials.mug_check import check_mugs, read_grasps
-from scenarios.trials.records import read_records
-from scenarios.trials.spec import TrialSpec
+from scenarios.trials.records import trial_run
 from split_drake.experiments.provenance import file_sha256
 from split_drake.objects.mug_shape import InvalidMugError
 from split_drake.objects.mug_source import MugSource
@@ -43,7 +42,7 @@ def test_sources_are_a_split_or_a_folder(folder: Path, tmp_path: Path) -> None:
 
 
 def test_a_mug_may_be_made_heavier(folder: Path, tmp_path: Path) -> None:
-    spec = TrialSpec.of(MugHangOptions(mugs=str(folder)), 0, tmp_path)
+    spec = specs_of(MugHangOptions(mugs=str(folder)), tmp_path, ())[0]
     light, heavy = spec.load_mug("cup").body, replace(spec, mass_kg=0.5).load_mug("cup").body
     assert (light.mass_kg, heavy.mass_kg) == (0.3, 0.5)
     assert np.allclose(heavy.inertia_kg_m2 / 0.5, light.inertia_kg_m2 / 0.3)
@@ -63,7 +62,7 @@ def test_what_is_no_mug_is_refused_before_any_trial(folder: Path, tmp_path: Path
     assert len(faults) == 2
     assert "blank.obj: empty file" in faults[0]
     assert "brick.stl: no upright round body" in faults[1]
-    assert not read_records(out / "trials.jsonl")
+    assert not trial_run(out).records()
 
 
 def test_bodies_that_the_station_has_already_are_refused(tmp_path: Path) -> None:
@@ -77,7 +76,7 @@ def test_a_trial_with_a_mug_from_a_file(folder: Path, tmp_path: Path) -> None:
         trials=1, mugs=str(folder), detector="oracle", workers=1, record="none", out=tmp_path
     )
     main(options)
-    (record,) = read_records(tmp_path / "trials.jsonl")
+    (record,) = trial_run(tmp_path).records()
     assert record.traceback is None, record.traceback
     assert record.succeeded, record.reason
     sha256 = file_sha256(folder / "cup" / "mug.stl")

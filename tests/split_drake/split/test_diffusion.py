@@ -12,6 +12,7 @@ from split_drake.split.diffusion import NoiseSchedule, displacement, move, pertu
 from split_drake.split.sampling import (
     Integrator,
     LangevinConfig,
+    ReverseDiffusion,
     ScoreFunction,
     annealed_langevin,
     heun,
@@ -145,7 +146,9 @@ def sample_mixture(name: str, seed: int, watched: Watched | None = None) -> Tens
     start = random_poses(200, generator).float()
     integrate, _ = INTEGRATORS[name]
     schedule = NoiseSchedule(length_m=LENGTH_M)
-    return integrate(watched.score, start, schedule, generator, inside, watched.callback)
+    return integrate(
+        ReverseDiffusion(watched.score, schedule, generator, inside, watched.callback), start
+    )
 
 
 @every_integrator
@@ -201,7 +204,7 @@ def flow_error(integrate: Integrator) -> float:
     R_target, p_target = target[:, :3, :3], target[:, :3, 3]
     turn = so3_exp(share * so3_log(R_target.mT @ start[:, :3, :3]))
     exact = compose(R_target @ turn, p_target + share * (start[:, :3, 3] - p_target))
-    end = integrate(gaussian_score, start, schedule, generator, lambda p: p, lambda step, X: None)
+    end = integrate(ReverseDiffusion(gaussian_score, schedule, generator, lambda p: p), start)
     return displacement(exact, end, LENGTH_M).norm(dim=-1).max().item()
 
 
@@ -219,11 +222,7 @@ def test_final_steps_outside_the_schedule_are_an_error(final_sigma: float) -> No
     config = LangevinConfig(final_sigma=final_sigma)
     with pytest.raises(ValueError, match=f"final_sigma is {final_sigma}; .* from 0.03 to 1.5"):
         annealed_langevin(
-            mixture_score,
+            ReverseDiffusion(mixture_score, NoiseSchedule(), generator, inside),
             start,
-            NoiseSchedule(),
-            generator,
-            inside,
-            lambda step, X: None,
             config=config,
         )

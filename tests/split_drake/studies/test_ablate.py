@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from helpers.training import BATCH, NETWORK, OPTIMIZER, make_scenes, scenes_on_cpu
 from rich.console import Console
 
 from split_drake.evaluation.examiner import DetectorMaker
@@ -34,6 +33,7 @@ from split_drake.studies.ablation_variants import (
 )
 from split_drake.training import trainer
 from split_drake.training.losses import Losses
+from tests.helpers.training import BATCH, NETWORK, OPTIMIZER, make_scenes, scenes_on_cpu
 
 SCENE = Scene(np.zeros((0, 3)), np.zeros((0, 3)), Workspace())
 

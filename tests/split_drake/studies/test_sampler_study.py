@@ -10,6 +10,7 @@ from torch import Tensor
 
 from split_drake.pose_task import PoseTask
 from split_drake.split.diffusion import NoiseSchedule
+from split_drake.split.sampling import ReverseDiffusion
 from split_drake.split.se3 import compose, uniform_rotations
 from split_drake.studies import sampler_study
 from split_drake.studies.sampler_study import SHIPPED, Sampler, StudyConfig, main, samplers
@@ -25,7 +26,7 @@ def test_integrators_evaluate_the_score_as_often_as_told(sampler: Sampler) -> No
 
     generator, schedule = torch.Generator().manual_seed(0), NoiseSchedule()
     start = compose(uniform_rotations((2,), generator), torch.full((2, 3), 0.1))
-    sampler.build()(score, start, schedule, generator, lambda p: p, lambda step, X: None)
+    sampler.build()(ReverseDiffusion(score, schedule, generator, lambda p: p), start)
     assert len(sigmas) == sampler.evaluations
     assert sigmas[0] == pytest.approx(schedule.sigma_max)
     assert min(sigmas) >= schedule.sigma_min - 1e-9
@@ -43,12 +44,10 @@ def test_a_warmer_sampler_spreads_further() -> None:
         generator, schedule = torch.Generator().manual_seed(0), NoiseSchedule()
         start = compose(uniform_rotations((1,), generator), torch.zeros(1, 3)).expand(64, 4, 4)
         X = Sampler("langevin", 16, temperature).build()(
-            lambda X, sigma: torch.zeros(len(X), 6),
+            ReverseDiffusion(
+                lambda X, sigma: torch.zeros(len(X), 6), schedule, generator, lambda p: p
+            ),
             start,
-            schedule,
-            generator,
-            lambda p: p,
-            lambda step, X: None,
         )
         spreads.append(float(X[:, :3, 3].std(dim=0).norm()))
     assert spreads[0] == pytest.approx(0.0, abs=1e-6)

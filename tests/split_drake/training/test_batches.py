@@ -5,17 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from helpers.training import (
-    BATCH,
-    BLOCKED_M,
-    FALSE_M,
-    FIRM_M,
-    LONGER_M,
-    NETWORK,
-    WEAK_M,
-    make_scenes,
-    scenes_on_cpu,
-)
 
 from split_drake.data.grasp_candidates import GraspState
 from split_drake.pose_task import PoseTask
@@ -27,6 +16,17 @@ from split_drake.training import augmentation
 from split_drake.training.augmentation import AugmentationConfig
 from split_drake.training.batches import BatchConfig, TrainingBatch, draw_batch
 from split_drake.training.training_scenes import TrainingScenes
+from tests.helpers.training import (
+    BATCH,
+    BLOCKED_M,
+    FALSE_M,
+    FIRM_M,
+    LONGER_M,
+    NETWORK,
+    WEAK_M,
+    make_scenes,
+    scenes_on_cpu,
+)
 
 STILL = AugmentationConfig(shift_m=0.0, scale=0.0, noise_m=(0.0, 0.0))
 

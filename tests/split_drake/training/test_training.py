@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 import torch
-from helpers.training import BATCH, NETWORK, OPTIMIZER, scenes_on_cpu
 
 from split_drake.training import batches, losses, trainer
+from tests.helpers.training import BATCH, NETWORK, OPTIMIZER, scenes_on_cpu
 
 
 def test_focal_loss_is_that_of_its_paper() -> None:

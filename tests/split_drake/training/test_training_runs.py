@@ -12,14 +12,14 @@ from typing import Any
 
 import pytest
 import torch
-from helpers.training import BATCH, NETWORK, OPTIMIZER, make_scenes
 
 from split_drake.experiments.provenance import file_sha256
 from split_drake.split.checkpoint import CheckpointError, default_weights, load_checkpoint
 from split_drake.split.network import TASKS
 from split_drake.training import losses, trainer
-from split_drake.training.run_folder import RunFolder
 from split_drake.training.train import TrainConfig, train
+from split_drake.training.training_folder import TrainingFolder
+from tests.helpers.training import BATCH, NETWORK, OPTIMIZER, make_scenes
 
 
 @pytest.fixture(autouse=True)
@@ -52,7 +52,7 @@ def short_run(out: Path) -> TrainConfig:
 
 def curves_of(run: TrainConfig) -> list[dict[str, Any]]:
     """Return the lines of a run's curves."""
-    return RunFolder(run.out).read_curves()
+    return TrainingFolder(run.out).read_curves()
 
 
 def test_a_run_learns_and_exports_its_weights(options: TrainConfig) -> None:
@@ -116,7 +116,7 @@ RUN_AND_BE_KILLED = """
 import os, signal, sys
 from pathlib import Path
 import torch
-from helpers.training import make_scenes
+from tests.helpers.training import make_scenes
 from test_training_runs import killed_run
 from split_drake.training import train, trainer
 
@@ -192,9 +192,7 @@ def test_commits_of_all_parts_of_a_run_are_kept(
     options: TrainConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for steps, commit in enumerate(("aa", "bb", "bb", "cc"), start=1):
-        monkeypatch.setattr(
-            "split_drake.training.train.source_commit", lambda commit=commit: commit
-        )
+        monkeypatch.setattr("split_drake.training.train.git_commit", lambda commit=commit: commit)
         train(replace(options, steps=steps, resume=steps > 1))
     _, info = load_checkpoint(options.out / "split.safetensors")
     assert (info.earlier_commits, info.commit) == (("aa", "bb"), "cc")

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-from helpers.training import BATCH, FIRM_M, NETWORK, make_scenes, scenes_on_cpu
 
 from split_drake.data.mug_scenes import MugScene
 from split_drake.grasps.free_hand import Hold
@@ -28,6 +27,7 @@ from split_drake.tuning.evaluator_tuning import (
     tune_steps,
 )
 from split_drake.tuning.judged_grasps import JudgeConfig, JudgedGrasps, JudgedGraspsError
+from tests.helpers.training import BATCH, FIRM_M, NETWORK, make_scenes, scenes_on_cpu
 
 
 def judged_posts() -> JudgedGrasps:

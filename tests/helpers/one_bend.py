@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from planning.collision.world import CollisionWorld, Situation
-from planning.motion.free import NoMotion
+from planning.motion.free import MotionQuery, NoMotion
 from planning.pick_place.search import PickPlacePlanner
 from planning.planner import Planner, register_planner
 from split_drake.poses import Array
@@ -12,23 +11,17 @@ from split_drake.robot.panda import arm_limits
 TRIES = 200
 
 
-def one_bend(
-    world: CollisionWorld,
-    q_start: Array,
-    q_goal: Array,
-    situation: Situation,
-    rng: np.random.Generator,
-) -> Array | NoMotion:
+def one_bend(query: MotionQuery, rng: np.random.Generator) -> Array | NoMotion:
     """Return a path (2 or 3, 7) from start to goal, joint angles in rad, or why there is none."""
-    straight = np.stack([q_start, q_goal])
-    if world.path_free(straight, situation):
+    straight = np.stack([query.q_start, query.q_goal])
+    if query.is_free(straight):
         return straight
     limits = arm_limits()
     for _ in range(TRIES):
         middle = straight.mean(axis=0) + rng.normal(0.0, 0.7, size=7)
         bend = np.clip(middle, limits.q_lower + 0.02, limits.q_upper - 0.02)
-        path = np.stack([q_start, bend, q_goal])
-        if world.path_free(path, situation):
+        path = np.stack([query.q_start, bend, query.q_goal])
+        if query.is_free(path):
             return path
     return NoMotion(f"no free motion with one bend in {TRIES} tries")
 

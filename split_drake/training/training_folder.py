@@ -4,13 +4,14 @@ import json
 from pathlib import Path
 from typing import Any
 
+from split_drake.experiments.run import CONFIG, AnotherRunError, read_json_lines, require_same
 from split_drake.files import write_atomically, write_json
 
 # A resumed run may be longer or shorter; the state tells whether the device fits.
 _MAY_CHANGE = {"minutes", "steps", "device"}
 
 
-class RunFolder:
+class TrainingFolder:
     """Options, state, curves and weights of one run.
 
     Attributes:
@@ -23,7 +24,7 @@ class RunFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.config = path / "config.json"
+        self.config = path / CONFIG
         self.state = path / "state.pt"
         self.curves = path / "curves.jsonl"
         self.weights = path / "split.safetensors"
@@ -55,10 +56,7 @@ class RunFolder:
 
     def read_curves(self) -> list[dict[str, Any]]:
         """Return the lines of the curves, without one that is not, or never will be, finished."""
-        if not self.curves.exists():
-            return []
-        lines = self.curves.read_text().splitlines(keepends=True)
-        return [json.loads(line) for line in lines if line.endswith("\n")]
+        return read_json_lines(self.curves)
 
     def cut_curves(self, step: int) -> None:
         """Drop what was reported beyond `step`, which the resumed run will report again."""
@@ -67,10 +65,7 @@ class RunFolder:
 
     def _require_same(self, options: dict[str, Any]) -> None:
         """Exit where a resumed run would not be the same."""
-        before = json.loads(self.config.read_text())
-        keys = (before.keys() | options.keys()) - _MAY_CHANGE
-        if changed := sorted(key for key in keys if before.get(key) != options.get(key)):
-            raise SystemExit(
-                f"the run in {self.path} has other values of {', '.join(changed)}; resume it with "
-                "the options and data it was started with, or choose another folder"
-            )
+        try:
+            require_same(self.path, json.loads(self.config.read_text()), options, _MAY_CHANGE)
+        except AnotherRunError as error:
+            raise SystemExit(str(error)) from error
