@@ -6,25 +6,12 @@ from enum import StrEnum
 
 import numpy as np
 
-from split_drake.pose_set import PoseSet
-from split_drake.pose_task import PoseTask
+from planning.subgoal import AllowedContact, Subgoal
+from split_drake.pose_set import PoseSets
 from split_drake.poses import Array
 from split_drake.station.layout import Layout
 
 SAMPLE_S = 0.01
-
-
-class Subgoal(StrEnum):
-    """What one pick is for."""
-
-    HANG = "hang"
-    REORIENT = "reorient"
-
-    @property
-    def tasks(self) -> tuple[PoseTask, ...]:
-        """The pose sets that a planner needs for it."""
-        place = PoseTask.HANDLE if self is Subgoal.HANG else PoseTask.UPRIGHT
-        return (PoseTask.GRASP, place)
 
 
 class SegmentName(StrEnum):
@@ -39,22 +26,6 @@ class SegmentName(StrEnum):
     OPEN = "open"
     RETREAT = "retreat"
     BACK_OUT = "back out"
-
-
-class AllowedContact(StrEnum):
-    """A contact that a segment declares; everything else must stay clear.
-
-    FINGERS_TARGET: fingers against the object, in the last 8 cm of the approach, while the hand
-        closes and opens, and in the first 8 cm of the retreat, of each where several are driven.
-    HELD_PEG: the held object against the peg, for points of the object within the tube around the
-        peg's axis that its opening leaves; `planning.collision.exemptions` says which.
-    HELD_TABLE: the held object against the table, no deeper than `planning.collision.exemptions`
-        says, just above where it is lifted from, and where it is let down by feel.
-    """
-
-    FINGERS_TARGET = "fingers_target"
-    HELD_PEG = "held_peg"
-    HELD_TABLE = "held_table"
 
 
 @dataclass(frozen=True)
@@ -137,15 +108,15 @@ class Plan:
     TRANSFER  to before the goal                                                       yes
     INSERT    once or more: to the goal, and down by feel (`stop_on_contact`)          yes
     OPEN      at rest                                                                  no
-    RETREAT   straight back, slowly (`planning.motion.timing.WARY`)                           no
-    TRANSIT   away from the object; after REORIENT out of the cameras' sight (Q_HOME)  no
+    RETREAT   straight back, slowly (`timing.RETREATING` in `planning.motion`)            no
+    TRANSIT   away from the object; home (Q_HOME) where the subgoal wants that         no
     ========  =======================================================================  =======
 
-    All are there, in this order, but for the last TRANSIT of HANG, and for the first four where the
-    object is in the hand already.  Recovery drives LIFT and APPROACH back to put an object down;
-    `planning.execution.faults` has the forces that each may feel, and takes an opening that changes
-    by more than 2 mm in TRANSFER and INSERT for a slip.  `planning.checking.plan_contract` checks
-    segments, poses, start and goal.
+    All are there, in this order, but for the last TRANSIT where the subgoal does without
+    (`Subgoal.goes_home`), and for the first four where the object is in the hand already.  Recovery
+    drives LIFT and APPROACH back to put an object down; `planning.execution.faults` has the forces
+    that each may feel, and takes an opening that changes by more than 2 mm in TRANSFER and INSERT
+    for a slip.  `planning.checking.plan_contract` checks segments, poses, start and goal.
 
     Attributes:
         subgoal: what it is for.
@@ -153,7 +124,7 @@ class Plan:
         X_WGrasp: (4, 4) gripper pose at CLOSE; at `q_start` where the object is in the hand.
         X_WGplace: (4, 4) gripper pose at OPEN, lowered all the way; where contact stops the
             lowering earlier, the hand opens higher.
-        X_WObject: (4, 4) pose of the object's frame that is placed (H or U) before the pick.
+        X_WObject: (4, 4) pose of the frame that is placed, of the subgoal's task, before the pick.
         X_WGoal: (4, 4) pose of the same frame when the gripper is at X_WGplace.
         statistics: counts and seconds of the search, for reports.
     """
@@ -216,7 +187,7 @@ class PlanningProblem:
 
     Attributes:
         subgoal: what to plan for.
-        pose_sets: from a detector, at least those of `subgoal.tasks`.
+        pose_sets: from a detector, by their tasks' names, at least those of `subgoal.tasks`.
         p_WPs: (N, 3) perceived cloud of the object, metres in W: all that the cameras show of it,
             thinned in problems from files.
         q_start: (7,) joint angles at the start, rad.
@@ -229,19 +200,18 @@ class PlanningProblem:
     """
 
     subgoal: Subgoal
-    pose_sets: Mapping[PoseTask, PoseSet]
+    pose_sets: PoseSets
     p_WPs: Array
     q_start: Array
-    layout: Layout = field(default_factory=Layout)
+    layout: Layout
     held_width_m: float | None = None
     X_WGfailed: Array = field(default_factory=lambda: np.empty((0, 4, 4)))
 
     def __post_init__(self) -> None:
-        missing = [task for task in self.subgoal.tasks if task not in self.pose_sets]
+        wanted = [task.name for task in self.subgoal.tasks]
+        missing = [name for name in wanted if name not in self.pose_sets]
         if missing:
-            raise ValueError(
-                f"{self.subgoal} needs pose sets for {list(self.subgoal.tasks)}; missing {missing}"
-            )
+            raise ValueError(f"{self.subgoal} needs pose sets for {wanted}; missing {missing}")
         if np.shape(self.q_start) != (7,):
             raise ValueError(f"q_start has shape {np.shape(self.q_start)}; expected (7,)")
         if np.shape(self.X_WGfailed)[1:] != (4, 4):

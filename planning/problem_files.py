@@ -5,9 +5,10 @@ exactly.
 """
 
 import hashlib
+import json
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +17,17 @@ from scipy.spatial.transform import Rotation
 
 from models import MODELS_FOLDER
 from planning.geometry.perceived import DETAIL_VOXEL_M, voxel_centroids
-from planning.problem import PlanningProblem, Subgoal
+from planning.problem import PlanningProblem
+from planning.subgoal import find_subgoal
 from split_drake.files import replacing
 from split_drake.pose_set import PoseSet
-from split_drake.pose_task import PoseTask
+from split_drake.pose_task import MUG_TASKS, PoseTask
 from split_drake.poses import Array, make_pose
 from split_drake.station.layout_file import layout_from_json, layout_to_json
 
-FORMAT = 1
+FORMAT = 2
+# Files of the first format do not say what their tasks are: those of mugs.
+_FORMATS = (1, FORMAT)
 LENGTH_STEP_M = 1e-4
 ANGLE_STEP_RAD = 1e-4
 SCORE_STEP = 1.0 / np.iinfo(np.uint16).max
@@ -33,13 +37,20 @@ Arrays = dict[str, NDArray]
 SHIPPED_PROBLEMS = MODELS_FOLDER / "problems" / "mugs.npz"
 
 
-def compact(problem: PlanningProblem, max_poses: Mapping[PoseTask, int]) -> PlanningProblem:
+def compact(
+    problem: PlanningProblem, max_poses: Mapping[str, int], otherwise: int
+) -> PlanningProblem:
     """Return the problem with its cloud thinned and the best poses of each task.
+
+    Of tasks that `max_poses` does not name `otherwise` poses are kept.
 
     The default planner thins clouds to the same voxels, so it loses nothing by that; the means of
     modes that it plans with are those of the poses kept.
     """
-    sets = {task: poses.head(max_poses[task]) for task, poses in problem.pose_sets.items()}
+    sets = {
+        name: poses.head(max_poses.get(name, otherwise))
+        for name, poses in problem.pose_sets.items()
+    }
     return replace(problem, pose_sets=sets, p_WPs=voxel_centroids(problem.p_WPs, DETAIL_VOXEL_M))
 
 
@@ -74,7 +85,7 @@ def load_problems(path: Path) -> dict[str, PlanningProblem]:
             raise
         raise ValueError(f"{path} is no readable collection of problems: {error}") from error
     found = arrays.pop("format", None)
-    if found is None or found != FORMAT:
+    if found is None or found not in _FORMATS:
         raise ValueError(f"{path} has format {found}; expected {FORMAT}")
     checksum = str(arrays.pop("sha256", ""))
     if checksum != _checksum(arrays):
@@ -88,16 +99,35 @@ def _to_arrays(names: Sequence[str], problems: Sequence[PlanningProblem]) -> Arr
     clouds = [_quantised(problem.p_WPs, LENGTH_STEP_M) for problem in problems]
     arrays: Arrays = {
         "names": np.array(names, dtype=np.str_),
-        "subgoals": np.array([problem.subgoal.value for problem in problems], dtype=np.str_),
+        "subgoals": np.array([problem.subgoal.name for problem in problems], dtype=np.str_),
         "layouts": np.array(distinct, dtype=np.str_),
         "layout_of": np.array([distinct.index(layout) for layout in layouts], dtype=np.int32),
         "q_starts": np.array([problem.q_start for problem in problems]).reshape(-1, 7),
         "cloud": np.concatenate([np.empty((0, 3), np.int16), *clouds]),
         "cloud_counts": np.array([len(cloud) for cloud in clouds], dtype=np.int32),
     }
-    for task in PoseTask:
-        arrays |= _task_arrays(task, [problem.pose_sets.get(task) for problem in problems])
+    tasks = _tasks_of(problems)
+    arrays["tasks"] = np.array(json.dumps([asdict(task) for task in tasks]))
+    for task in tasks:
+        arrays |= _task_arrays(task, [problem.pose_sets.get(task.name) for problem in problems])
     return arrays
+
+
+def _tasks_of(problems: Sequence[PlanningProblem]) -> tuple[PoseTask, ...]:
+    """Return the tasks of all problems; raise ValueError where two of one name differ."""
+    found: dict[str, PoseTask] = {}
+    for problem in problems:
+        for name, poses in problem.pose_sets.items():
+            if found.setdefault(name, poses.task) != poses.task:
+                raise ValueError(f"two tasks are called {name!r}: {found[name]} and {poses.task}")
+    return tuple(found.values())
+
+
+def _tasks_in(arrays: Arrays) -> tuple[PoseTask, ...]:
+    """Return the tasks of a file."""
+    if "tasks" not in arrays:
+        return MUG_TASKS
+    return tuple(PoseTask.from_fields(fields) for fields in json.loads(str(arrays["tasks"])))
 
 
 def _task_arrays(task: PoseTask, pose_sets: Sequence[PoseSet | None]) -> Arrays:
@@ -118,12 +148,12 @@ def _task_arrays(task: PoseTask, pose_sets: Sequence[PoseSet | None]) -> Arrays:
 def _from_arrays(arrays: Arrays) -> dict[str, PlanningProblem]:
     layouts = [layout_from_json(str(text)) for text in arrays["layouts"]]
     clouds = _split(arrays["cloud"] * LENGTH_STEP_M, arrays["cloud_counts"])
-    sets = {task: _pose_sets(task, arrays) for task in PoseTask}
+    sets = {task.name: _pose_sets(task, arrays) for task in _tasks_in(arrays)}
     problems = {}
     for index, name in enumerate(arrays["names"]):
-        found = {task: poses for task in PoseTask if (poses := sets[task][index]) is not None}
+        found = {name: poses for name in sets if (poses := sets[name][index]) is not None}
         problems[str(name)] = PlanningProblem(
-            subgoal=Subgoal(str(arrays["subgoals"][index])),
+            subgoal=find_subgoal(str(arrays["subgoals"][index])),
             pose_sets=found,
             p_WPs=clouds[index],
             q_start=arrays["q_starts"][index],

@@ -20,7 +20,7 @@ import tyro
 from rich.console import Console
 
 from planning.planner import planner_names
-from planning.problem import Subgoal
+from planning.subgoal import find_subgoal
 from scenarios.trials.mug_check import check_mugs
 from scenarios.trials.pose_noise import PoseNoise
 from scenarios.trials.records import TrialRecord, success_rate, trial_run
@@ -129,7 +129,7 @@ def specs_of(options: MugHangOptions, folder: Path, done: Collection[int]) -> li
             index=index,
             seed=options.seed + index,
             mugs=MugSource(options.mugs),
-            task=Subgoal(options.task),
+            task=find_subgoal(options.task),
             detector=options.detector,
             planner=options.planner,
             checkpoint=options.checkpoint,

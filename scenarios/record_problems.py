@@ -19,19 +19,20 @@ import tyro
 from rich.console import Console
 from rich.progress import track
 
-from planning.problem import PlanningProblem, Subgoal
+from planning.problem import PlanningProblem
 from planning.problem_files import compact, save_problems
+from planning.subgoal import find_subgoal
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.setup import TrialGenerators, set_up
 from scenarios.trials.spec import TrialSpec
 from split_drake.experiments.pool import WorkerPool
 from split_drake.objects.mug_source import MugSource
-from split_drake.pose_task import PoseTask
+from split_drake.pose_task import GRASP
 from split_drake.scene import EmptySceneError
 from split_drake.truth.starts import NoStartError
 
 # Poses kept of each pose set, best first.
-MAX_POSES = {PoseTask.GRASP: 128, PoseTask.HANDLE: 32, PoseTask.UPRIGHT: 32}
+MAX_POSES, MAX_OTHERS = {GRASP.name: 128}, 32
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def specs_of(options: RecordOptions) -> list[TrialSpec]:
                 index=index,
                 seed=options.seed + index // len(kinds),
                 mugs=MugSource(options.mugs),
-                task=Subgoal(task),
+                task=find_subgoal(task),
                 detector=detector,
                 planner="default",
                 checkpoint=options.checkpoint,
@@ -123,13 +124,13 @@ def record_problem(spec: TrialSpec) -> Recorded:
     rngs = TrialGenerators.of(spec.seed)
     try:
         setup = set_up(spec, rngs.start)
-        tasks = tuple(dict.fromkeys((*spec.task.tasks, PoseTask.UPRIGHT)))
+        tasks = spec.task.perceived_tasks
         scene, pose_sets = Perceiver(spec, setup, rngs).look(tasks)
     except (NoStartError, EmptySceneError) as error:
         return Recorded(spec.index, name, None, str(error))
     layout = setup.station.config.layout
     problem = PlanningProblem(spec.task, pose_sets, scene.p_WPs, setup.station.q, layout)
-    return Recorded(spec.index, name, compact(problem, MAX_POSES))
+    return Recorded(spec.index, name, compact(problem, MAX_POSES, MAX_OTHERS))
 
 
 def _crashed(spec: TrialSpec) -> Recorded:

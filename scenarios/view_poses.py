@@ -15,8 +15,7 @@ import tyro
 
 from scenarios.viewing.pose_drawing import ColoredSegments, score_bands
 from split_drake.files import write_atomically
-from split_drake.pose_set import PoseSet, load_pose_sets
-from split_drake.pose_task import PoseTask
+from split_drake.pose_set import PoseSets, load_pose_sets
 from split_drake.poses import Array, make_pose
 
 _CLOUD_COLOR = (0.25, 0.35, 0.5)
@@ -60,7 +59,7 @@ def _draw_segments(path: meshcat.Visualizer, colored: ColoredSegments) -> None:
     )
 
 
-def render_page(pose_sets: dict[PoseTask, PoseSet], p_WPs: Array) -> str:
+def render_page(pose_sets: PoseSets, p_WPs: Array) -> str:
     """Return a self-contained HTML page with the cloud (N, 3) and the pose sets in W."""
     visualizer = meshcat.Visualizer()
     try:
@@ -68,9 +67,9 @@ def render_page(pose_sets: dict[PoseTask, PoseSet], p_WPs: Array) -> str:
         scene = visualizer["scene"]
         scene.set_transform(make_pose(p=-p_WPs.mean(axis=0)))
         _draw_cloud(scene["cloud"], p_WPs)
-        for task, pose_set in pose_sets.items():
+        for name, pose_set in pose_sets.items():
             for band, colored in enumerate(score_bands(pose_set)):
-                _draw_segments(scene[task.value][f"band_{band}"], colored)
+                _draw_segments(scene[name][f"band_{band}"], colored)
         for helper in ("/Axes", "/Grid", "/Background"):
             visualizer[helper].set_property("visible", False)
         # In the axes of three.js, whose y is up.
@@ -83,12 +82,12 @@ def render_page(pose_sets: dict[PoseTask, PoseSet], p_WPs: Array) -> str:
 def main(options: ViewOptions) -> Path:
     """Write the page and return where it is."""
     pose_sets, p_WPs = load_pose_sets(options.file)
-    best = {task: pose_set.head(options.best) for task, pose_set in pose_sets.items()}
+    best = {name: pose_set.head(options.best) for name, pose_set in pose_sets.items()}
     page = options.out or options.file.with_suffix(".html")
     write_atomically(page, render_page(best, p_WPs))
-    for task, pose_set in best.items():
+    for name, pose_set in best.items():
         top = f", best score {pose_set.scores[0]:.2f}" if len(pose_set) else ""
-        print(f"{task}: {len(pose_set)} of {len(pose_sets[task])} poses{top}")
+        print(f"{name}: {len(pose_set)} of {len(pose_sets[name])} poses{top}")
     print(f"wrote {page}")
     if options.open:
         webbrowser.open(page.resolve().as_uri())

@@ -1,15 +1,16 @@
 """Pose sets: what a detector returns and a planner takes."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from split_drake.files import replacing
-from split_drake.pose_task import PoseTask
+from split_drake.pose_task import MUG_TASKS, PoseTask
 from split_drake.poses import Array, check_poses
 
 if TYPE_CHECKING:
@@ -45,7 +46,6 @@ class PoseSet:
                 f"scores of {self.task} do not descend: {scores[at]:.4f} is followed by "
                 f"{scores[at + 1]:.4f}; use PoseSet.ranked"
             )
-        object.__setattr__(self, "task", PoseTask(self.task))
         object.__setattr__(self, "X_WPs", poses)
         object.__setattr__(self, "scores", scores)
 
@@ -71,28 +71,80 @@ class PoseSet:
         return type(self)(self.task, X_WMoved @ self.X_WPs, self.scores)
 
 
+# By the names of their tasks.
+PoseSets = Mapping[str, PoseSet]
+
+
+@dataclass(frozen=True)
+class ScoredPoses:
+    """Poses that were drawn for one task, before any is rejected.
+
+    Attributes:
+        X_WPs: (N, 4, 4) poses in W, in no order.
+        scores: (N,) in [0, 1]; higher is better.
+    """
+
+    X_WPs: Array
+    scores: Array
+
+
 class PoseDetector(Protocol):
     """Finds poses in a scene: SPLIT, the oracle, or a baseline."""
 
     def detect(
-        self, scene: "Scene", tasks: Sequence[PoseTask], rng: np.random.Generator
-    ) -> dict[PoseTask, PoseSet]:
-        """Return one pose set for each of `tasks`; empty where nothing was found."""
+        self, scene: "Scene", tasks: Sequence[PoseTask | str], rng: np.random.Generator
+    ) -> dict[str, PoseSet]:
+        """Return a pose set for each of `tasks`, by their names; empty where nothing was found.
+
+        Raises UnknownTaskError naming the tasks that the detector knows, for any other.
+        """
         ...
 
 
-def save_pose_sets(path: Path, pose_sets: dict[PoseTask, PoseSet], p_WPs: Array) -> None:
+@runtime_checkable
+class SamplingDetector(PoseDetector, Protocol):
+    """A detector that draws and scores poses, and accepts those above a threshold."""
+
+    @property
+    def threshold(self) -> float:
+        """The least score that is accepted."""
+        ...
+
+    def sample(
+        self, scene: "Scene", tasks: Sequence[PoseTask | str], rng: np.random.Generator
+    ) -> dict[str, ScoredPoses]:
+        """Return all poses drawn for each of `tasks`, by their names, accepted or not."""
+        ...
+
+
+def accepted_poses(
+    drawn: Mapping[str, ScoredPoses], tasks: Sequence[PoseTask], threshold: float
+) -> dict[str, PoseSet]:
+    """Return the sets of those poses whose score reaches a threshold, by the tasks' names."""
+    found = {}
+    for task in tasks:
+        poses = drawn[task.name]
+        good = poses.scores >= threshold
+        found[task.name] = PoseSet.ranked(task, poses.X_WPs[good], poses.scores[good])
+    return found
+
+
+def save_pose_sets(path: Path, pose_sets: PoseSets, p_WPs: Array) -> None:
     """Write pose sets and the cloud `p_WPs` (N, 3) they were found in to an npz, atomically."""
-    arrays: dict[str, np.ndarray] = {"cloud": np.asarray(p_WPs, dtype=np.float32)}
-    for task, pose_set in pose_sets.items():
-        arrays[f"{task}/X_WPs"] = pose_set.X_WPs
-        arrays[f"{task}/scores"] = pose_set.scores
+    tasks = [asdict(pose_set.task) for pose_set in pose_sets.values()]
+    arrays: dict[str, np.ndarray] = {
+        "cloud": np.asarray(p_WPs, dtype=np.float32),
+        "tasks": np.array(json.dumps(tasks)),
+    }
+    for name, pose_set in pose_sets.items():
+        arrays[f"{name}/X_WPs"] = pose_set.X_WPs
+        arrays[f"{name}/scores"] = pose_set.scores
     with replacing(path) as temporary:
         np.savez_compressed(temporary, allow_pickle=False, **arrays)
 
 
-def load_pose_sets(path: Path) -> tuple[dict[PoseTask, PoseSet], Array]:
-    """Return ({task: PoseSet}, cloud (N, 3)) as written by `save_pose_sets`.
+def load_pose_sets(path: Path) -> tuple[dict[str, PoseSet], Array]:
+    """Return ({task name: PoseSet}, cloud (N, 3)) as written by `save_pose_sets`.
 
     Raises ValueError where the file is no pose-set archive.
     """
@@ -101,8 +153,15 @@ def load_pose_sets(path: Path) -> tuple[dict[PoseTask, PoseSet], Array]:
     if "cloud" not in arrays:
         raise ValueError(f"{path} holds {sorted(arrays)}; expected 'cloud' and '<task>/X_WPs'")
     sets = {
-        task: PoseSet(task, arrays[f"{task}/X_WPs"], arrays[f"{task}/scores"])
-        for task in PoseTask
+        task.name: PoseSet(task, arrays[f"{task}/X_WPs"], arrays[f"{task}/scores"])
+        for task in _tasks_in(arrays)
         if f"{task}/X_WPs" in arrays
     }
     return sets, arrays["cloud"].astype(float)
+
+
+def _tasks_in(arrays: Mapping[str, np.ndarray]) -> Sequence[PoseTask]:
+    """Return the tasks of an archive; those of mugs where it is too old to say."""
+    if "tasks" not in arrays:
+        return MUG_TASKS
+    return [PoseTask.from_fields(fields) for fields in json.loads(str(arrays["tasks"]))]

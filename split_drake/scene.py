@@ -1,8 +1,9 @@
 """Scenes: what the depth cameras saw of the workspace, as a cloud and as an occupancy grid."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, Self
 
 import fpsample
 import numpy as np
@@ -31,6 +32,11 @@ class Workspace:
     edge_m: float = 0.3
     depth_below_m: float = 0.05
     table_clearance_m: float = 0.004
+
+    @classmethod
+    def from_fields(cls, fields: Mapping[str, Any]) -> Self:
+        """Return the workspace that `asdict`, and JSON after it, made these fields of."""
+        return cls(**{**fields, "p_WCenter": tuple(fields["p_WCenter"])})
 
     @property
     def p_WV(self) -> Array:
@@ -90,14 +96,13 @@ class Scene:
     RESOLUTION = 64
 
     @classmethod
-    def from_views(cls, views: Sequence[DepthView], workspace: Workspace | None = None) -> "Scene":
-        """Return the scene that the views show; no noise is added.
+    def from_views(cls, views: Sequence[DepthView], workspace: Workspace) -> "Scene":
+        """Return the scene that the views show of a workspace; no noise is added.
 
         Raises EmptySceneError where no view shows anything in the workspace above the table.
         """
         if not views:
             raise ValueError("no depth views were given; expected at least one")
-        workspace = workspace or Workspace()
         points = np.concatenate([view.points(workspace.lowest_z_m) for view in views])
         p_WPs = points[workspace.contains(points)]
         if not len(p_WPs):

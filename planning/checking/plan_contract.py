@@ -9,17 +9,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from planning.checking.goal_checks import goal_check
 from planning.checking.violation import Violation
-from planning.collision.exemptions import MAX_LOWERING_M, MAX_TABLE_DEPTH_M
 from planning.geometry.perceived import PerceivedObject
 from planning.geometry.waypoints import place_grasp
-from planning.problem import SAMPLE_S, Plan, PlanningProblem, Segment, SegmentName, Subgoal
+from planning.problem import SAMPLE_S, Plan, PlanningProblem, Segment, SegmentName
 from split_drake.pose_set import PoseSet
-from split_drake.pose_task import HANDLE_FLIP, PoseTask
+from split_drake.pose_task import UPRIGHT
 from split_drake.poses import Array, invert_pose, rotation_error_rad, transform_points
 from split_drake.robot.gripper import MAX_OPENING_M, PAD_SIZE_M
 from split_drake.robot.kinematics import gripper_pose
-from split_drake.station.layout import Layout
 
 _PICK = (SegmentName.TRANSIT, SegmentName.APPROACH, SegmentName.CLOSE, SegmentName.LIFT)
 _ORDER = re.compile(rf"(?:{';'.join(_PICK)};)?transfer;(?:insert;)+open;retreat;(transit;)?")
@@ -30,12 +29,6 @@ AGREE_M, AGREE_RAD = 0.001, np.radians(0.5)
 DETECTED_M, DETECTED_RAD = 0.02, np.radians(20.0)
 # Points of the object lie between the pads, or at most so far beside them.
 BESIDE_PADS_M = 0.005
-# Where the frame of a hung object may end, seen from K: across the peg, above and below it, short
-# of its tip, and how far turned.
-ACROSS_PEG_M, ABOVE_PEG_M, BELOW_PEG_M = 0.01, 0.01, MAX_LOWERING_M + 0.01
-SHORT_OF_TIP_M, ON_PEG_RAD = 0.01, np.radians(10.0)
-# How high the lowest seen point of an upright object may end, and how far its axis may tilt.
-LOWEST_M, ON_TABLE_RAD = (-MAX_TABLE_DEPTH_M - 0.004, 0.05), np.radians(5.0)
 
 
 def contract_violations(plan: Plan, problem: PlanningProblem) -> list[Violation]:
@@ -58,11 +51,11 @@ def contract_violations(plan: Plan, problem: PlanningProblem) -> list[Violation]
 
 def _of_order(plan: Plan, problem: PlanningProblem) -> Iterator[str]:
     """Yield what is wrong with the plan's subgoal and with which segments it has."""
-    if plan.subgoal is not problem.subgoal:
+    if plan.subgoal != problem.subgoal:
         yield f"is to {plan.subgoal}, where the problem is to {problem.subgoal}"
     names = [segment.name for segment in plan.segments]
     order = _ORDER.fullmatch("".join(f"{name};" for name in names))
-    if not order or (plan.subgoal is Subgoal.REORIENT and not order.group(1)):
+    if not order or (plan.subgoal.goes_home and not order.group(1)):
         yield f"has the segments {', '.join(names)}; see Plan for those expected"
         return
     held = problem.held_width_m is not None
@@ -117,12 +110,10 @@ def _of_ends(plan: Plan, problem: PlanningProblem) -> Iterator[str]:
         yield f"starts {jump:.4f} rad from q_start"
     if plan.pick and not _between_pads(plan.X_WGrasp, problem):
         yield "closes where no point of the object is between the pads"
-    hangs = problem.subgoal is Subgoal.HANG
-    poses = problem.pose_sets[PoseTask.HANDLE if hangs else PoseTask.UPRIGHT]
+    poses = problem.pose_sets[problem.subgoal.task.name]
     if not _detected(plan.X_WObject, poses):
         yield f"places an X_WObject that no {poses.task} pose of the problem is like"
-    off = _off_peg(plan.X_WGoal, problem.layout) if hangs else _off_table(plan, problem.p_WPs)
-    if off:
+    if off := goal_check(problem.subgoal.name)(plan, problem):
         yield f"brings the object to {off}"
 
 
@@ -132,47 +123,20 @@ def _first(plan: Plan, name: SegmentName) -> Array:
 
 
 def _detected(X_WO: Array, poses: PoseSet) -> bool:
-    """Return whether the set has a pose like X_WO (4, 4); both poses of a handle are the same."""
-    X_WPs = poses.X_WPs
-    if poses.task is PoseTask.HANDLE:
-        X_WPs = np.concatenate([X_WPs, X_WPs @ HANDLE_FLIP])
-    distances = np.linalg.norm(X_WPs[:, :3, 3] - X_WO[:3, 3], axis=1)
-    angles = rotation_error_rad(X_WPs[:, :3, :3], X_WO[:3, :3])
+    """Return whether the set has a pose that is like X_WO (4, 4), or means the same."""
+    distances = np.linalg.norm(poses.X_WPs[:, :3, 3] - X_WO[:3, 3], axis=1)
+    angles = poses.task.symmetry.rotation_error_rad(poses.X_WPs[:, :3, :3], X_WO[:3, :3])
     return bool(np.any((distances < DETECTED_M) & (angles < DETECTED_RAD)))
 
 
 def _between_pads(X_WG: Array, problem: PlanningProblem) -> bool:
     """Return whether the object, completed where its upright pose is known, is between the pads."""
-    uprights = problem.pose_sets.get(PoseTask.UPRIGHT)
+    uprights = problem.pose_sets.get(UPRIGHT.name)
     X_WU = uprights.X_WPs[0] if uprights is not None and len(uprights) else None
     surface = PerceivedObject.from_cloud(problem.p_WPs, X_WU).p_WSurface
     half_x_m, half_z_m = (0.5 * size_m + BESIDE_PADS_M for size_m in PAD_SIZE_M)
     p_GPs = np.abs(transform_points(invert_pose(X_WG), surface))
     return bool(np.any(np.all(p_GPs < (half_x_m, 0.5 * MAX_OPENING_M, half_z_m), axis=1)))
-
-
-def _off_peg(X_WH: Array, layout: Layout) -> str:
-    """Return where a handle (4, 4) ends that is not around the peg, or an empty string."""
-    X_KH = invert_pose(layout.X_WK) @ X_WH
-    x_m, y_m, z_m = (float(value) for value in X_KH[:3, 3])
-    angle_rad = float(np.arccos(min(1.0, abs(X_KH[1, 1]))))
-    root_m = -(layout.hook.post_distance_m - layout.hook.post_radius_m)
-    on_peg = root_m < y_m < layout.hook.tip_distance_m - SHORT_OF_TIP_M
-    around = abs(x_m) <= ACROSS_PEG_M and -BELOW_PEG_M <= z_m <= ABOVE_PEG_M
-    if on_peg and around and angle_rad <= ON_PEG_RAD:
-        return ""
-    p_KH = ", ".join(str(round(1e3 * value)) for value in (x_m, y_m, z_m))
-    return f"p_KH = ({p_KH}) mm, {np.degrees(angle_rad):.1f} deg off the peg's axis"
-
-
-def _off_table(plan: Plan, p_WPs: Array) -> str:
-    """Return how an object of points (N, 3) ends that does not stand, or an empty string."""
-    tilt_rad = float(np.arccos(np.clip(plan.X_WGoal[2, 2], -1.0, 1.0)))
-    p_OPs = transform_points(invert_pose(plan.X_WObject), p_WPs)
-    lowest_m = float(transform_points(plan.X_WGoal, p_OPs)[:, 2].min())
-    if tilt_rad <= ON_TABLE_RAD and LOWEST_M[0] <= lowest_m <= LOWEST_M[1]:
-        return ""
-    return f"{1e3 * lowest_m:.0f} mm above the table, tilted by {np.degrees(tilt_rad):.0f} deg"
 
 
 def _apart(X_WA: Array, X_WB: Array) -> tuple[float, float]:

@@ -20,7 +20,8 @@ from planning.collision.exemptions import (
     TABLE_LIFT_M,
     peg_tube,
 )
-from planning.problem import SAMPLE_S, AllowedContact, JointTrajectory, Plan, Segment, SegmentName
+from planning.problem import SAMPLE_S, JointTrajectory, Plan, Segment, SegmentName
+from planning.subgoal import AllowedContact
 from split_drake.poses import Array, invert_pose, transform_points
 from split_drake.robot.gripper import MAX_OPENING_M
 from split_drake.robot.panda import (

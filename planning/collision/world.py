@@ -20,7 +20,7 @@ from planning.collision.distances import (
     hook_capsules,
 )
 from planning.collision.exemptions import MAX_TABLE_DEPTH_M
-from planning.problem import AllowedContact
+from planning.subgoal import AllowedContact
 from split_drake.poses import Array, invert_pose, transform_points
 from split_drake.robot.gripper import PALM, Box, finger_boxes
 from split_drake.robot.kinematics import X_7G, link_poses
@@ -71,19 +71,19 @@ class CollisionWorld:
 
     Attributes:
         checker: of the robot against the static station and itself, with margins.
-        wary_checker: with the larger ones of free motions.
+        free_motion_checker: with the larger ones of free motions.
         layout: of the station.
     """
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
         self.checker = static_checker(layout, HOOK_MARGIN_M, TABLE_MARGIN_M)
-        self.wary_checker = static_checker(layout, HOOK_MARGIN_M, FAST_TABLE_MARGIN_M)
+        self.free_motion_checker = static_checker(layout, HOOK_MARGIN_M, FAST_TABLE_MARGIN_M)
         self._peg, self._post = hook_capsules(layout)
 
     def free(self, qs: Array, situation: Situation) -> BoolArray:
         """Return (N,): which configurations (N, 7) touch nothing that is not allowed."""
-        checker = self.checker if situation.allowed else self.wary_checker
+        checker = self.checker if situation.allowed else self.free_motion_checker
         arms = [panda_positions(q, situation.opening_m) for q in qs]
         free = np.array([checker.CheckConfigCollisionFree(arm) for arm in arms], dtype=bool)
         if free.any():

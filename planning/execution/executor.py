@@ -115,28 +115,30 @@ class Executor:
     Args:
         robot: to be commanded.
         on_step: called after every 10 ms with the segment under way.
-        wary: whether a hand that draws back stops where it is caught.
+        stops_when_caught: whether a hand that draws back stops where it is caught.
     """
 
-    def __init__(self, robot: Robot, on_step: OnStep | None = None, wary: bool = True) -> None:
+    def __init__(
+        self, robot: Robot, on_step: OnStep | None = None, stops_when_caught: bool = True
+    ) -> None:
         self.robot = robot
         self._on_step = on_step
-        self._wary = wary
+        self._stops_when_caught = stops_when_caught
 
-    def run(self, segments: Sequence[Segment]) -> ExecutionResult:
+    def execute(self, segments: Sequence[Segment]) -> ExecutionResult:
         """Execute the segments; stop where one of them fails."""
         logs: list[SegmentLog] = []
         offset = np.zeros(7)
         for segment in segments:
             opening_m = self.robot.opening_m
-            log, offset = self._run_segment(segment, offset)
+            log, offset = self._execute_segment(segment, offset)
             logs.append(log)
             found = find_fault(segment, log.stopped_by_contact, opening_m, log.opening_m)
             if found is not None:
                 return ExecutionResult(False, tuple(logs), found.stage, found.reason, found.fault)
         return ExecutionResult(True, tuple(logs))
 
-    def _run_segment(self, segment: Segment, offset: Array) -> tuple[SegmentLog, Array]:
+    def _execute_segment(self, segment: Segment, offset: Array) -> tuple[SegmentLog, Array]:
         """Execute a segment that starts `offset` (7,) away; return its log and the offset left.
 
         An arm that was stopped early keeps its offset while it lets go and draws back, where its
@@ -169,7 +171,7 @@ class Executor:
         limit_n, torques = force_limit_n(segment), self.robot.joint_torques_nm
         if segment.name is not SegmentName.RETREAT:
             return limit_n, torques
-        if not self._wary:
+        if not self._stops_when_caught:
             return np.inf, np.zeros(7)
         at_start_n = float(np.linalg.norm(gripper_force(self.robot.q, torques)))
         return float(np.clip(GROWTH * at_start_n, limit_n, MOST_GROWN * limit_n)), np.zeros(7)

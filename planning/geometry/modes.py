@@ -1,45 +1,41 @@
+"""Modes of a pose set: poses that lie close together, those that mean the same taken for one."""
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from split_drake.pose_set import PoseSet
+from split_drake.pose_task import Symmetry
 from split_drake.poses import Array, make_pose, rotation_error_rad
 
 # Poses closer together than this, in both place and rotation, are one mode of a pose set.
 MODE_DISTANCE_M = 0.01
 MODE_ANGLE_RAD = np.radians(15.0)
-IDENTITY = np.eye(4)
 # Poses closer than this to one that failed are taken to fail as well.
 FAILURE_DISTANCE_M = 0.015
 FAILURE_ANGLE_RAD = np.radians(25.0)
 
 
-def distinct_modes(X_WPs: Array, count: int, symmetry: ArrayLike = IDENTITY) -> list[int]:
-    """Return indices of at most `count` poses (N, 4, 4), best first, no two of one mode.
-
-    Poses X and X `symmetry` are the same, for a half turn `symmetry` (4, 4) about an axis.
-    """
+def distinct_modes(X_WPs: Array, count: int, symmetry: Symmetry) -> list[int]:
+    """Return indices of at most `count` poses (N, 4, 4), best first, no two of one mode."""
     chosen: list[int] = []
     for index, X in enumerate(X_WPs):
-        if not _same_mode(turned_alike(X_WPs[chosen], X, symmetry), X).any():
+        if not _same_mode(symmetry.nearest(X_WPs[chosen], X), X).any():
             chosen.append(index)
         if len(chosen) == count:
             break
     return chosen
 
 
-def mode_means(
-    pose_set: PoseSet, count: int, symmetry: ArrayLike = IDENTITY
-) -> list[tuple[Array, float]]:
+def mode_means(pose_set: PoseSet, count: int) -> list[tuple[Array, float]]:
     """Return at most `count` modes as (mean pose (4, 4), best score), best first.
 
-    Samples scatter around what was detected; their mean, weighted by score, scatters less.  Poses
-    X and X `symmetry` are the same, as in `distinct_modes`.
+    Samples scatter around what was detected; their mean, weighted by score, scatters less.
     """
-    means = []
+    means, symmetry = [], pose_set.task.symmetry
     for index in distinct_modes(pose_set.X_WPs, count, symmetry):
         X_WBest = pose_set.X_WPs[index]
-        X_WPs = turned_alike(pose_set.X_WPs, X_WBest, symmetry)
+        X_WPs = symmetry.nearest(pose_set.X_WPs, X_WBest)
         members = _same_mode(X_WPs, X_WBest)
         weights = pose_set.scores[members] + 1e-9
         R_WP = Rotation.from_matrix(X_WPs[members, :3, :3]).mean(weights).as_matrix()
@@ -48,25 +44,11 @@ def mode_means(
     return means
 
 
-def turned_alike(X_WPs: Array, X_WP: Array, symmetry: ArrayLike) -> Array:
-    """Return each of the poses X (N, 4, 4) or X `symmetry`, whichever is turned more like X_WP."""
-    others = X_WPs @ np.asarray(symmetry)
-    R_WP = X_WP[:3, :3]
-    nearer = rotation_error_rad(others[:, :3, :3], R_WP) < rotation_error_rad(
-        X_WPs[:, :3, :3], R_WP
-    )
-    return np.where(nearer[:, None, None], others, X_WPs)
-
-
-def away_from(X_WPs: Array, X_WFs: Array, symmetry: ArrayLike = IDENTITY) -> NDArray[np.bool_]:
-    """Return (N,): which of the poses (N, 4, 4) are unlike all that failed, X_WFs (F, 4, 4).
-
-    Poses X and X `symmetry` are the same, as in `distinct_modes`.
-    """
+def away_from(X_WPs: Array, X_WFs: Array, symmetry: Symmetry) -> NDArray[np.bool_]:
+    """Return (N,): which of the poses (N, 4, 4) are unlike all that failed, X_WFs (F, 4, 4)."""
     away = np.ones(len(X_WPs), dtype=bool)
     for X_WF in X_WFs:
-        alike = turned_alike(X_WPs, X_WF, symmetry)
-        away &= ~_close(alike, X_WF, FAILURE_DISTANCE_M, FAILURE_ANGLE_RAD)
+        away &= ~_close(symmetry.nearest(X_WPs, X_WF), X_WF, FAILURE_DISTANCE_M, FAILURE_ANGLE_RAD)
     return away
 
 

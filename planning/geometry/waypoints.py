@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from split_drake.pose_task import HALF_TURN
+from split_drake.pose_task import GRASP
 from split_drake.poses import Array, make_pose
 
 APPROACH_M = 0.08
@@ -19,7 +19,7 @@ LINE_STEP_M = 0.01
 def with_half_turns(X_WGs: ArrayLike) -> Array:
     """Return (2N, 4, 4): every grasp, then every grasp turned by Rot_z(pi)."""
     grasps = np.asarray(X_WGs, dtype=float)
-    return np.concatenate([grasps, grasps @ HALF_TURN])
+    return np.concatenate([grasps, grasps @ GRASP.symmetry.X_half_turn])
 
 
 def place_grasp(X_WOgoal: ArrayLike, X_WO: ArrayLike, X_WG: ArrayLike) -> Array:

@@ -1,14 +1,18 @@
+"""The subgoal `hang`: a handle is brought onto the peg of the hook, and let down by feel."""
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from planning.collision.exemptions import MAX_LOWERING_M, TUBE_HALF_LENGTH_M
 from planning.geometry.modes import mode_means
-from planning.geometry.perceived import PerceivedObject
-from planning.goals.placement import Placement
-from planning.problem import AllowedContact, PlanningProblem
-from split_drake.pose_task import HANDLE_FLIP, PoseTask
+from planning.goals.upright import SUBGOAL as REORIENT
+from planning.subgoal import AllowedContact, Placement, PlacementQuery, Subgoal
+from split_drake.pose_task import HANDLE
 from split_drake.poses import Array, invert_pose, make_pose, rotation_y, transform_points
 
+# Whether an object hangs is watched from the fourth second after its release: the arm rests then,
+# if nothing holds it up.
+STILL_AFTER_S = 2.9
 # Modes of the pose set that placements are made of.
 HANDLE_MODES = 6
 # Turns about the peg; more of them for an object that is in the hand already, since there are fewer
@@ -37,22 +41,21 @@ def hook_goals(X_WK: ArrayLike, thetas_rad: ArrayLike) -> Array:
     angles = np.atleast_1d(np.asarray(thetas_rad, dtype=float))
     X_KHs = np.stack([make_pose(rotation_y(-np.pi / 2.0 + theta)) for theta in angles])
     X_WHs = np.asarray(X_WK, dtype=float) @ X_KHs
-    return np.concatenate([X_WHs, X_WHs @ HANDLE_FLIP])
+    return np.concatenate([X_WHs, X_WHs @ HANDLE.symmetry.X_half_turn])
 
 
-def hang_placements(problem: PlanningProblem, target: PerceivedObject) -> list[Placement]:
+def hang_placements(query: PlacementQuery) -> list[Placement]:
     """Return placements on the hook, over handles, turns about the peg, and both ways round.
 
     Handles whose opening, as far as the cloud shows, has no room for the peg are left out.
     """
-    layout = problem.layout
+    layout, target = query.layout, query.target
     y_WK = layout.X_WK[:3, 1]
     entries = np.stack([(layout.hook.tip_distance_m + room) * y_WK for room in BEYOND_TIP_M])
-    handles = problem.pose_sets[PoseTask.HANDLE]
-    thetas = HANG_THETAS_RAD if problem.held_width_m is None else HELD_THETAS_RAD
+    thetas = HELD_THETAS_RAD if query.in_hand else HANG_THETAS_RAD
     on_peg = frozenset({AllowedContact.HELD_PEG})
     found = []
-    for X_WHseen, score in mode_means(handles, HANDLE_MODES, HANDLE_FLIP):
+    for X_WHseen, score in mode_means(query.poses, HANDLE_MODES):
         X_WH, clearance = freest_axis(X_WHseen, target.p_WDetails)
         if clearance < layout.hook.peg_radius_m:
             continue
@@ -99,3 +102,14 @@ def _hangs_below(X_WH: Array, X_WHgoal: Array, p_WCom: Array) -> float:
     below = -p_HCom_W[2] / max(float(np.linalg.norm(p_HCom_W)), 1e-6)
     angle = np.arccos(np.clip(below, -1.0, 1.0))
     return float(np.exp(-np.square(angle / np.radians(35.0))))
+
+
+SUBGOAL = Subgoal(
+    name="hang",
+    task=HANDLE,
+    placements=hang_placements,
+    goal_noun="hook goals",
+    goes_home=False,
+    still_after_s=STILL_AFTER_S,
+    first=REORIENT,
+)

@@ -1,17 +1,14 @@
 """What was tried at a task, in which order, and how it ended."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
 from planning.execution.executor import ExecutionResult
 from planning.handling.held_view import HeldView
-from planning.problem import Plan, PlanFailure, Stage, Subgoal
-from split_drake.pose_set import PoseSet
-from split_drake.pose_task import PoseTask
+from planning.problem import Plan, PlanFailure, Stage
+from planning.subgoal import Subgoal
+from split_drake.pose_set import PoseSets
 from split_drake.scene import Scene
-
-PoseSets = Mapping[PoseTask, PoseSet]
 
 
 @dataclass(frozen=True)
@@ -21,7 +18,8 @@ class AttemptLimits:
     Attributes:
         picks: how often the object is taken in vain; at least 1.
         placements: ways of placing that are tried out of one hand; at least 1.
-        reorientations: how often an object is stood upright before hanging it is given up.
+        reorientations: how often the subgoal before the one that is asked for is reached (an
+            object stood upright before it is hung) before that is given up.
         looks: perceptions in a row from which no plan came.
         ways_out: that are tried out of an object which the open hand is caught on.
         held_views: whether what was lifted is looked at, and placed as it lies in the hand.
@@ -73,7 +71,7 @@ class Attempt:
         outcome: the plan, or why there is none.
         execution: how the plan went, to the lifted object where another attempt goes on from there;
             None where there is no plan.
-        planning_s, execution_s: wall time, the execution's with all recovery after it.
+        planning_s: wall time of the planner.
         held: how the object was seen to lie in the hand, before the attempt where its plan starts
             from there, else after the lift; None where nothing was lifted.
         recovery: what the robot did after a failure; empty where it did nothing.
@@ -84,7 +82,6 @@ class Attempt:
     outcome: Plan | PlanFailure
     execution: ExecutionResult | None
     planning_s: float
-    execution_s: float
     held: HeldView | None = None
     recovery: str = ""
 
@@ -108,12 +105,14 @@ class SequenceResult:
             nothing yet about whether the object is where it should be.
         reason: of the failure; empty where there is none.
         perception_s: wall time of all perceptions.
+        execution_s: wall time of all executions, with all recovery after them.
     """
 
     attempts: tuple[Attempt, ...]
     stage: Stage | None
     reason: str
     perception_s: float
+    execution_s: float
 
     @property
     def completed(self) -> bool:
@@ -122,7 +121,3 @@ class SequenceResult:
     @property
     def planning_s(self) -> float:
         return sum(attempt.planning_s for attempt in self.attempts)
-
-    @property
-    def execution_s(self) -> float:
-        return sum(attempt.execution_s for attempt in self.attempts)

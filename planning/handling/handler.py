@@ -1,6 +1,5 @@
 """One pick with feedback: what is in the hand is looked at, and placed as it lies there."""
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -11,6 +10,7 @@ from planning.execution.faults import Fault
 from planning.handling.attempts import Attempt, AttemptLimits, Perception
 from planning.handling.held_view import HeldView, view_held
 from planning.handling.recovery import Recovery
+from planning.handling.timed_planning import plan_timed
 from planning.planner import Planner
 from planning.problem import (
     SAMPLE_S,
@@ -20,7 +20,6 @@ from planning.problem import (
     Segment,
     SegmentName,
     Stage,
-    Subgoal,
 )
 from split_drake.poses import Array, invert_pose, rotation_error_rad, transform_points
 from split_drake.robot.kinematics import gripper_pose
@@ -39,7 +38,7 @@ _NO_WAY_HOME, _CAUGHT = "no way home was found", "the hand stayed caught"
 
 
 @dataclass(frozen=True)
-class Handled:
+class PickOutcome:
     """What became of one pick.
 
     Attributes:
@@ -67,11 +66,11 @@ class Handler:
     layout: Layout
     limits: AttemptLimits
 
-    def run(
+    def handle(
         self, plan: Plan, perception: Perception, planning_s: float, rng: np.random.Generator
-    ) -> Handled:
+    ) -> PickOutcome:
         """Execute a plan that was made from a perception in `planning_s`."""
-        return _Handling(self, plan, perception, planning_s, rng).run()
+        return _Handling(self, plan, perception, planning_s, rng).carry_out()
 
 
 class _Handling:
@@ -94,15 +93,15 @@ class _Handling:
         self._taking, self._plan = plan, plan
         self._perception = perception
         self._rng = rng
-        self._planning_s, self._begun = planning_s, time.monotonic()
+        self._planning_s = planning_s
         self._X_GEplanned = np.eye(4)
         self._held: HeldView | None = None
         self._failures = 0
         self._X_WGblocked: list[Array] = []
         self._attempts: list[Attempt] = []
 
-    def run(self) -> Handled:
-        done = self._executor.run(self._plan.pick)
+    def carry_out(self) -> PickOutcome:
+        done = self._executor.execute(self._plan.pick)
         if not done.completed:
             return self._lost(self._plan.pick, done, done)
         while True:
@@ -115,7 +114,7 @@ class _Handling:
                 done = _NOTHING
                 if not self._replan(held):
                     return self._put_down()
-            placed = self._executor.run(self._plan.place)
+            placed = self._executor.execute(self._plan.place)
             if placed.fault is Fault.CAUGHT:
                 return self._eased_out(placed, done)
             whole, done = replace(placed, logs=done.logs + placed.logs), _NOTHING
@@ -123,7 +122,7 @@ class _Handling:
                 return self._lost(self._plan.place, placed, whole)
             self._note(self._plan, whole)
             if placed.completed:
-                return Handled(tuple(self._attempts), home=False)
+                return PickOutcome(tuple(self._attempts), home=False)
             self._failures += 1
             if placed.stage is Stage.PLACEMENT:
                 self._X_WGblocked.append(self._plan.X_WGplace)
@@ -161,10 +160,8 @@ class _Handling:
 
         Return whether there is a plan to go on with: a new one, or a bearable one.
         """
-        started = self._spend()
-        outcome = self._handler.planner.plan(self._problem(held), self._rng)
-        self._begun = time.monotonic()
-        self._planning_s = self._begun - started
+        found = plan_timed(self._handler.planner, self._problem(held), self._rng)
+        outcome, self._planning_s = found.outcome, found.took_s
         if isinstance(outcome, Plan) and outcome.pick:
             begins = f"the plan for an object in the hand begins with {outcome.pick[0].name}"
             outcome = PlanFailure(Stage.PLANNING, f"{begins}; expected {SegmentName.TRANSFER}")
@@ -182,7 +179,7 @@ class _Handling:
         X_WMoved = X_WG @ held.X_GE @ invert_pose(self._taking.X_WGrasp)
         return PlanningProblem(
             subgoal=self._taking.subgoal,
-            pose_sets={task: s.moved(X_WMoved) for task, s in perception.pose_sets.items()},
+            pose_sets={name: s.moved(X_WMoved) for name, s in perception.pose_sets.items()},
             p_WPs=transform_points(X_WMoved, perception.scene.p_WPs),
             q_start=robot.q,
             layout=self._handler.layout,
@@ -192,25 +189,25 @@ class _Handling:
 
     def _lost(
         self, segments: Sequence[Segment], execution: ExecutionResult, whole: ExecutionResult
-    ) -> Handled:
+    ) -> PickOutcome:
         """Note an attempt that ended with an empty hand, and draw back."""
         self._note(self._plan, whole)
         free = self._recovery.withdraw(segments, execution, self._perception.scene.p_WPs)
         return self._ended("drew back", free)
 
-    def _eased_out(self, placed: ExecutionResult, before: ExecutionResult) -> Handled:
+    def _eased_out(self, placed: ExecutionResult, before: ExecutionResult) -> PickOutcome:
         """Lead the hand out of what it let go of and is caught on, and note the attempt.
 
-        After a reorientation the robot goes home, as the rest of the plan would have led it.
+        The robot goes home where the rest of the plan would have led it there.
         """
         out = self._recovery.eased_out(placed, self._released(placed))
         recovery = "eased the hand out" if out.completed else _CAUGHT
-        to_go_home = out.completed and self._plan.subgoal is Subgoal.REORIENT
+        to_go_home = out.completed and self._plan.subgoal.goes_home
         home = to_go_home and self._go_home()
         if to_go_home and not home:
             out = replace(out, completed=False, stage=Stage.PLACEMENT, reason=_NO_WAY_HOME)
         self._note(self._plan, replace(out, logs=before.logs + out.logs), recovery)
-        return Handled(tuple(self._attempts), home)
+        return PickOutcome(tuple(self._attempts), home)
 
     def _released(self, placed: ExecutionResult) -> Array:
         """Return the object's points (N, 3) in W where it was let go."""
@@ -222,7 +219,7 @@ class _Handling:
         X_WMoved = gripper_pose(q) @ self._held.X_GE @ X_EW
         return transform_points(X_WMoved, self._perception.scene.p_WPs)
 
-    def _not_as_known(self, done: ExecutionResult) -> Handled:
+    def _not_as_known(self, done: ExecutionResult) -> PickOutcome:
         """Note, where no failure says so already, that the object turned, and put it down."""
         if not self._failures:
             assert self._held is not None  # that is what was seen
@@ -231,7 +228,7 @@ class _Handling:
             self._note(self._plan, turned)
         return self._put_down()
 
-    def _put_down(self) -> Handled:
+    def _put_down(self) -> PickOutcome:
         free = self._recovery.put_down(self._taking, self._perception.scene.p_WPs)
         return self._ended("put the object down", free)
 
@@ -241,26 +238,16 @@ class _Handling:
     def _note(
         self, outcome: Plan | PlanFailure, execution: ExecutionResult | None, recovery: str = ""
     ) -> None:
-        """Add an attempt, with the time since the last one was added or planned."""
-        now = time.monotonic()
-        times = (self._planning_s, now - self._begun)
-        self._planning_s, self._begun = 0.0, now
+        """Add an attempt; the planner's time counts once."""
         of = (self._taking.subgoal, self._perception)
-        attempt = Attempt(*of, outcome, execution, *times, self._held, recovery)
+        attempt = Attempt(*of, outcome, execution, self._planning_s, self._held, recovery)
         self._attempts.append(attempt)
+        self._planning_s = 0.0
 
-    def _spend(self) -> float:
-        """Add the time since the last attempt was noted to that attempt; return what time it is."""
-        last, now = self._attempts[-1], time.monotonic()
-        self._attempts[-1] = replace(last, execution_s=last.execution_s + now - self._begun)
-        self._begun = now
-        return now
-
-    def _ended(self, recovery: str, free: bool) -> Handled:
+    def _ended(self, recovery: str, free: bool) -> PickOutcome:
         """Go home where the hand is free; return the attempts, the last with what was done then."""
         home = free and self._go_home()
-        self._spend()
         if not home:
             recovery = f"{recovery}; {_NO_WAY_HOME if free else _CAUGHT}"
         self._attempts[-1] = replace(self._attempts[-1], recovery=recovery)
-        return Handled(tuple(self._attempts), home)
+        return PickOutcome(tuple(self._attempts), home)

@@ -14,8 +14,9 @@ from planning.handling.held_view import beside_robot
 from planning.handling.way_out import WayOut
 from planning.motion.free import MotionQuery, NoMotion, free_motion
 from planning.motion.segment_builder import SegmentBuilder, opening_segment
-from planning.motion.timing import FEELING, FREE, LOADED, WARY, Speed, time_path
-from planning.problem import SAMPLE_S, AllowedContact, JointTrajectory, Plan, Segment, SegmentName
+from planning.motion.timing import FEELING, FREE, LOADED, RETREATING, Speed, time_path
+from planning.problem import SAMPLE_S, JointTrajectory, Plan, Segment, SegmentName
+from planning.subgoal import AllowedContact
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_OPENING_M
 from split_drake.robot.panda import Q_HOME
@@ -41,14 +42,14 @@ class Recovery:
 
     def back_out(self, segments: Sequence[Segment], execution: ExecutionResult) -> ExecutionResult:
         """Carry the object back along the segments as far as they were executed."""
-        return self._executor.run(retraced(segments, execution))
+        return self._executor.execute(retraced(segments, execution))
 
     def put_down(self, plan: Plan, p_WPs: Array) -> bool:
         """Put the lifted object (N, 3) down where the plan took it, by feel, and draw back.
 
         Return whether the hand is free of it.
         """
-        return self.eased_out(self._executor.run(put_down_segments(plan)), p_WPs).completed
+        return self.eased_out(self._executor.execute(put_down_segments(plan)), p_WPs).completed
 
     def withdraw(
         self, segments: Sequence[Segment], execution: ExecutionResult, p_WPs: Array
@@ -57,7 +58,7 @@ class Recovery:
 
         Return whether the hand is free of the object.
         """
-        drawn = self._executor.run(withdrawal(segments, execution))
+        drawn = self._executor.execute(withdrawal(segments, execution))
         return self.eased_out(drawn, p_WPs).completed
 
     def eased_out(self, execution: ExecutionResult, p_WPs: Array) -> ExecutionResult:
@@ -87,7 +88,7 @@ class Recovery:
         if isinstance(path, NoMotion):
             return False
         segment = SegmentBuilder(self._world).empty(SegmentName.TRANSIT, path, FREE, situation)
-        return self._executor.run([segment]).completed
+        return self._executor.execute([segment]).completed
 
     @cached_property
     def _world(self) -> CollisionWorld:
@@ -122,7 +123,7 @@ def withdrawal(segments: Sequence[Segment], execution: ExecutionResult) -> tuple
         way.append(
             Segment(
                 name=SegmentName.RETREAT,
-                trajectory=_reversed_path(segment, log.duration_s, WARY),
+                trajectory=_reversed_path(segment, log.duration_s, RETREATING),
                 opening_start_m=0.0,
                 opening_end_m=0.0,
                 force_n=segment.force_n,
@@ -151,7 +152,7 @@ def put_down_segments(plan: Plan) -> tuple[Segment, ...]:
     back = replace(
         approach,
         name=SegmentName.RETREAT,
-        trajectory=_reversed_path(approach, approach.trajectory.duration_s + SAMPLE_S, WARY),
+        trajectory=_reversed_path(approach, approach.trajectory.duration_s + SAMPLE_S, RETREATING),
     )
     release_m = approach.opening_end_m
     return (felt, opening_segment(qs[-1], release_m, lift.held_width_m, touching), back)

@@ -1,4 +1,4 @@
-"""From a task to its end: perceive, plan, handle; where no hang can be planned, reorient first."""
+"""From a subgoal to its end: perceive, plan, execute; where it cannot be planned, another first."""
 
 import time
 from collections.abc import Sequence
@@ -8,11 +8,14 @@ from typing import Protocol
 import numpy as np
 
 from planning.execution.executor import Executor
-from planning.handling.attempts import Attempt, AttemptLimits, Perception, PoseSets, SequenceResult
+from planning.handling.attempts import Attempt, AttemptLimits, Perception, SequenceResult
 from planning.handling.handler import Handler
+from planning.handling.timed_planning import TimedOutcome, plan_timed
 from planning.planner import Planner
-from planning.problem import Plan, PlanFailure, PlanningProblem, Stage, Subgoal
-from split_drake.pose_task import PoseTask
+from planning.problem import Plan, PlanFailure, PlanningProblem, Stage
+from planning.subgoal import Subgoal
+from split_drake.pose_set import PoseSets
+from split_drake.pose_task import UPRIGHT, PoseTask
 from split_drake.poses import Array, invert_pose
 from split_drake.scene import EmptySceneError, Scene
 from split_drake.station.layout import Layout
@@ -32,13 +35,8 @@ class Perceive(Protocol):
         ...
 
 
-# An object that was stood upright is taken to stand where it is seen tilted by no more than this:
-# some mugs lean on their handles for good.
-STANDING_TILT_RAD = np.radians(15.0)
-
-
 class Sequencer:
-    """Reaches a task by one plan or by several, standing the object upright first where it must.
+    """Reaches a subgoal by one plan or by several, another subgoal before it where it must.
 
     Args:
         planner: for every subgoal.
@@ -53,30 +51,29 @@ class Sequencer:
         planner: Planner,
         perceive: Perceive,
         executor: Executor,
-        layout: Layout | None = None,
+        layout: Layout,
         limits: AttemptLimits | None = None,
     ) -> None:
         self.limits = limits or AttemptLimits()
         self._planner = planner
         self._perceive = perceive
         self._executor = executor
-        self._layout = layout or Layout()
+        self._layout = layout
 
-    def run(self, task: Subgoal, rng: np.random.Generator) -> SequenceResult:
-        """Try to reach the task, and return everything that was tried.
+    def reach(self, goal: Subgoal, rng: np.random.Generator) -> SequenceResult:
+        """Try to reach the subgoal, and return everything that was tried.
 
         The robot is expected to be out of the cameras' sight.
         """
-        return _Run(self, task, rng).run()
+        return _Sequence(self, goal, rng).carry_out()
 
-    def look(self, task: Subgoal, again: bool = False) -> Perception:
-        """Perceive what the task, and standing the object upright before it, need.
+    def look(self, goal: Subgoal, again: bool = False) -> Perception:
+        """Perceive what the subgoal, and the one before it, need.
 
         `again`: whether what was perceived last led nowhere.
         """
-        tasks = tuple(dict.fromkeys((*task.tasks, *Subgoal.REORIENT.tasks)))
         started = time.monotonic()
-        scene, pose_sets = self._perceive(tasks, again)
+        scene, pose_sets = self._perceive(goal.perceived_tasks, again)
         return Perception(scene, pose_sets, time.monotonic() - started)
 
     def plan(
@@ -85,8 +82,8 @@ class Sequencer:
         perception: Perception,
         X_WGfailed: Array,
         rng: np.random.Generator,
-    ) -> tuple[Plan | PlanFailure, float]:
-        """Plan a subgoal, without grasps that failed (F, 4, 4); return it and the time."""
+    ) -> TimedOutcome:
+        """Plan a subgoal, without grasps that failed (F, 4, 4)."""
         problem = PlanningProblem(
             subgoal,
             perception.pose_sets,
@@ -95,38 +92,39 @@ class Sequencer:
             self._layout,
             X_WGfailed=X_WGfailed,
         )
-        started = time.monotonic()
-        outcome = self._planner.plan(problem, rng)
-        if isinstance(outcome, Plan) and outcome.subgoal is not subgoal:
-            raise ValueError(f"a plan to {outcome.subgoal} was made where one to {subgoal} was due")
-        return outcome, time.monotonic() - started
+        found = plan_timed(self._planner, problem, rng)
+        if isinstance(found.outcome, Plan) and found.outcome.subgoal != subgoal:
+            raise ValueError(
+                f"a plan to {found.outcome.subgoal} was made where one to {subgoal} was due"
+            )
+        return found
 
     def handler(self) -> Handler:
         """Return what executes this sequencer's plans."""
         return Handler(self._planner, self._executor, self._layout, self.limits)
 
 
-class _Run:
+class _Sequence:
     """The state of one sequence."""
 
-    def __init__(self, sequencer: Sequencer, task: Subgoal, rng: np.random.Generator) -> None:
+    def __init__(self, sequencer: Sequencer, goal: Subgoal, rng: np.random.Generator) -> None:
         self._sequencer = sequencer
         self._limits = sequencer.limits
-        self._task = task
+        self._goal = goal
         self._rng = rng
         self._attempts: list[Attempt] = []
         self._failed: list[tuple[Array | None, Array]] = []
-        self._perception_s = 0.0
-        self._picks, self._reoriented = 0, 0
+        self._perception_s, self._execution_s = 0.0, 0.0
+        self._picks, self._steps = 0, 0
 
-    def run(self) -> SequenceResult:
+    def carry_out(self) -> SequenceResult:
         looks = 0
         while True:
             try:
                 perception = self._look()
             except EmptySceneError as error:
                 return self._gone(str(error))
-            if self._stands(perception):
+            if self._reached(perception):
                 return self._result(None, "")
             planned = self._plan(perception)
             if isinstance(planned, PlanFailure):
@@ -135,12 +133,12 @@ class _Run:
                     return self._result(planned.stage, planned.reason)
                 continue
             looks = 0
-            end = self._handle(perception, *planned)
+            end = self._execute(perception, *planned)
             if end is not None:
                 return end
 
     def _gone(self, reason: str) -> SequenceResult:
-        """Return the result of a task whose object is out of sight, by what made it so if known."""
+        """Return the result where the object is out of sight, by what made it so if known."""
         stage, failed = self._attempts[-1].failure if self._attempts else (None, "")
         return self._result(
             stage or Stage.PERCEPTION, "; then ".join(filter(None, (failed, reason)))
@@ -148,36 +146,37 @@ class _Run:
 
     def _look(self) -> Perception:
         led_nowhere = bool(self._attempts) and self._attempts[-1].failure[0] is not None
-        perception = self._sequencer.look(self._task, again=led_nowhere)
+        perception = self._sequencer.look(self._goal, again=led_nowhere)
         self._perception_s += perception.duration_s
         return perception
 
-    def _stands(self, perception: Perception) -> bool:
-        """Return whether the task was to stand the object upright, and it was and seems to be.
+    def _reached(self, perception: Perception) -> bool:
+        """Return whether the last plan was executed, and its goal seems to be reached.
 
-        After the last pick that is granted, it is taken to stand.
+        After the last pick that is granted, it is taken to be.
         """
         executed = [each.execution for each in self._attempts if each.execution is not None]
-        if self._task is Subgoal.HANG or not executed or not executed[-1].completed:
+        seems_reached = self._goal.seems_reached
+        if seems_reached is None or not executed or not executed[-1].completed:
             return False
-        X_WU = _X_WU(perception)
-        tilted = X_WU is not None and X_WU[2, 2] < np.cos(STANDING_TILT_RAD)
-        return not tilted or self._picks >= self._limits.picks
+        reached = seems_reached(perception.pose_sets[self._goal.task.name])
+        return reached or self._picks >= self._limits.picks
 
     def _plan(self, perception: Perception) -> tuple[Plan, float] | PlanFailure:
-        """Return a plan for the task, or else for a reorientation, and the time that it took."""
+        """Return a plan for the goal, or else for what comes before it, and the time it took."""
         X_WGfailed = self._failed_grasps(_X_WU(perception))
-        failures: dict[Subgoal, PlanFailure] = {}
+        failures: dict[str, PlanFailure] = {}
         for subgoal in self._subgoals():
-            outcome, took_s = self._sequencer.plan(subgoal, perception, X_WGfailed, self._rng)
-            if isinstance(outcome, Plan):
-                return outcome, took_s
-            self._attempts.append(Attempt(subgoal, perception, outcome, None, took_s, 0.0))
-            failures[subgoal] = outcome
+            found = self._sequencer.plan(subgoal, perception, X_WGfailed, self._rng)
+            if isinstance(found.outcome, Plan):
+                return found.outcome, found.took_s
+            self._attempts.append(Attempt(subgoal, perception, found.outcome, None, found.took_s))
+            failures[subgoal.name] = found.outcome
+        last = list(failures.values())[-1]
         if len(failures) == 1:
-            return failures[subgoal]
-        reason = "; ".join(f"{subgoal}: {failure.reason}" for subgoal, failure in failures.items())
-        return replace(failures[subgoal], reason=reason)
+            return last
+        reason = "; ".join(f"{name}: {failure.reason}" for name, failure in failures.items())
+        return replace(last, reason=reason)
 
     def _failed_grasps(self, X_WU: Array | None) -> Array:
         """Return the grasps (F, 4, 4) that failed; they moved with the object if that was seen."""
@@ -189,35 +188,42 @@ class _Run:
 
     def _subgoals(self) -> tuple[Subgoal, ...]:
         """Return what may be planned for, in order of preference."""
-        if self._task is Subgoal.HANG and self._reoriented < self._limits.reorientations:
-            return (Subgoal.HANG, Subgoal.REORIENT)
-        return (self._task,)
+        if self._goal.first is not None and self._steps < self._limits.reorientations:
+            return (self._goal, self._goal.first)
+        return (self._goal,)
 
-    def _handle(
+    def _execute(
         self, perception: Perception, plan: Plan, planning_s: float
     ) -> SequenceResult | None:
         """Execute a plan; return how the task ended, or None where it is to be gone on with."""
-        handled = self._sequencer.handler().run(plan, perception, planning_s, self._rng)
-        self._attempts.extend(handled.attempts)
-        stage, reason = handled.attempts[-1].failure
+        started = time.monotonic()
+        outcome = self._sequencer.handler().handle(plan, perception, planning_s, self._rng)
+        replanning_s = sum(attempt.planning_s for attempt in outcome.attempts) - planning_s
+        self._execution_s += time.monotonic() - started - replanning_s
+        self._attempts.extend(outcome.attempts)
+        stage, reason = outcome.attempts[-1].failure
         if stage is None:
-            if plan.subgoal is Subgoal.HANG:
+            if plan.subgoal == self._goal and self._goal.seems_reached is None:
                 return self._result(None, "")
-            self._reoriented += 1
-            # Where the object is to stand, what follows is another try at the same.
-            self._picks += self._task is Subgoal.REORIENT
+            if plan.subgoal == self._goal:
+                # Whether it is reached, the next look says; what follows is another try at it.
+                self._picks += 1
+            else:
+                self._steps += 1
             return None
         self._picks += 1
         self._failed.append((_X_WU(perception), plan.X_WGrasp))
-        if handled.home and self._picks < self._limits.picks:
+        if outcome.home and self._picks < self._limits.picks:
             return None
         return self._result(stage, reason)
 
     def _result(self, stage: Stage | None, reason: str) -> SequenceResult:
-        return SequenceResult(tuple(self._attempts), stage, reason, self._perception_s)
+        return SequenceResult(
+            tuple(self._attempts), stage, reason, self._perception_s, self._execution_s
+        )
 
 
 def _X_WU(perception: Perception) -> Array | None:
     """Return the best upright pose (4, 4), which failed grasps move with; None if there is none."""
-    poses = perception.pose_sets[PoseTask.UPRIGHT]
-    return poses.X_WPs[0] if len(poses) else None
+    poses = perception.pose_sets.get(UPRIGHT.name)
+    return poses.X_WPs[0] if poses is not None and len(poses) else None

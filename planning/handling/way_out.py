@@ -13,8 +13,9 @@ from planning.execution.executor import ExecutionResult, Executor
 from planning.geometry.waypoints import APPROACH_M, LINE_STEP_M, shifted, straight_line
 from planning.motion.ik import follow
 from planning.motion.segment_builder import SegmentBuilder
-from planning.motion.timing import WARY
-from planning.problem import AllowedContact, Segment, SegmentName
+from planning.motion.timing import RETREATING
+from planning.problem import Segment, SegmentName
+from planning.subgoal import AllowedContact
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_OPENING_M
 from split_drake.robot.kinematics import gripper_force, gripper_pose
@@ -56,7 +57,7 @@ class WayOut:
             segment = self._segment(p_WReleased)
             if segment is None:
                 break
-            found = self.executor.run([segment])
+            found = self.executor.execute([segment])
             logs = found.logs if done is None else done.logs + found.logs
             done = ExecutionResult(found.completed, logs, found.stage, found.reason, found.fault)
             if done.completed:
@@ -77,7 +78,9 @@ class WayOut:
             # It is free from its first centimetre on: what catches the hand is where it starts.
             if path is not None and self.world.path_free(path, situation):
                 qs = np.vstack([q, path])
-                return SegmentBuilder(self.world).empty(SegmentName.RETREAT, qs, WARY, situation)
+                return SegmentBuilder(self.world).empty(
+                    SegmentName.RETREAT, qs, RETREATING, situation
+                )
         return None
 
 

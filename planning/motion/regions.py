@@ -110,7 +110,7 @@ def _grown(world: CollisionWorld, q: Array, seed: int) -> HPolyhedron:
     sampling.random_seed = seed
     sampling.parallelism = Parallelism(1)
     ball = Hyperellipsoid.MakeHypersphere(SEED_RADIUS_RAD, q)
-    return IrisZo(world.wary_checker, ball, domain, options).ReduceInequalities()
+    return IrisZo(world.free_motion_checker, ball, domain, options).ReduceInequalities()
 
 
 def _open_hand() -> IrisParameterizationFunction:

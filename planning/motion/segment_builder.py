@@ -1,9 +1,12 @@
+"""From paths to timed segments of an empty or loaded hand."""
+
 from dataclasses import dataclass
 
 from planning.collision.world import CollisionWorld, Situation
 from planning.motion.free import timed
 from planning.motion.timing import Speed, rest
-from planning.problem import SAMPLE_S, AllowedContact, Segment, SegmentName
+from planning.problem import SAMPLE_S, Segment, SegmentName
+from planning.subgoal import AllowedContact
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_FORCE_N
 

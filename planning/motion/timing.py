@@ -39,7 +39,7 @@ FREE = Speed(0.7, 0.4)
 LOADED = Speed(0.4, 0.25)
 CAREFUL = Speed(0.25, 0.2)
 # Out of an object that was just let go: slow enough for the arm to feel it, not its own inertia.
-WARY = Speed(0.12, 0.05)
+RETREATING = Speed(0.12, 0.05)
 FEELING = Speed(0.02, 0.05)
 
 

@@ -12,7 +12,7 @@ from planning.geometry.perceived import PerceivedObject
 from planning.geometry.waypoints import APPROACH_M, LINE_STEP_M, backed_off, shifted, straight_line
 from planning.motion.ik import DrakeIk, IkSolutions, follow
 from planning.pick_place.fingers import RELEASE_CLEARANCE_M, FingerFit, fit_fingers
-from planning.problem import AllowedContact
+from planning.subgoal import AllowedContact
 from split_drake.poses import Array, invert_pose, transform_points
 from split_drake.robot.gripper import MAX_OPENING_M
 from split_drake.robot.kinematics import gripper_pose

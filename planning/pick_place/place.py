@@ -17,10 +17,9 @@ from planning.geometry.waypoints import (
     shifted,
     straight_line,
 )
-from planning.goals.placement import Placement
 from planning.motion.ik import follow
 from planning.pick_place.pick import Pick
-from planning.problem import AllowedContact
+from planning.subgoal import AllowedContact, Placement
 from split_drake.poses import Array, transform_points
 
 

@@ -16,19 +16,18 @@ from planning.geometry.waypoints import (
     straight_line,
     with_half_turns,
 )
-from planning.goals.placement import Placement
-from planning.goals.subgoals import placements
 from planning.motion.free import FreeMotion, MotionQuery, NoMotion, free_motion
 from planning.motion.ik import DrakeIk, IkSolutions, follow, solve_ik
 from planning.pick_place.fingers import FingerFit, fit_fingers, settled
 from planning.pick_place.pairs import BestPairs
 from planning.pick_place.pick import Pick, PickSearch, balance, firmness, held_pick
 from planning.pick_place.place import Place, PlaceSearch
-from planning.pick_place.segments import Route, before_watch, late, plan_segments
+from planning.pick_place.segments import Route, moves_after, plan_segments, shortened
 from planning.pick_place.turned_grasps import turned_grasps
-from planning.problem import Plan, PlanFailure, PlanningProblem, Stage, Subgoal
+from planning.problem import Plan, PlanFailure, PlanningProblem, Stage
+from planning.subgoal import Placement, PlacementQuery
 from split_drake.pose_set import PoseSet
-from split_drake.pose_task import HALF_TURN, PoseTask
+from split_drake.pose_task import GRASP, UPRIGHT, Symmetry
 from split_drake.poses import Array
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.robot.panda import Q_HOME
@@ -49,7 +48,7 @@ WITHDRAWALS_M = (0.15, 0.10, 0.05)
 
 
 class PickPlacePlanner:
-    """Plans pick-hang and pick-reorient from pose sets, the cloud and the static layout.
+    """Plans a pick and place from pose sets, the cloud and the static layout.
 
     Args:
         motion: joins the straight lines of pick and place.
@@ -62,7 +61,7 @@ class PickPlacePlanner:
 
     def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
         """Return a plan, or the counts of what candidates were rejected by."""
-        grasps = problem.pose_sets[PoseTask.GRASP]
+        grasps = problem.pose_sets[GRASP.name]
         if not len(grasps):
             return PlanFailure(Stage.PERCEPTION, "no grasp was detected")
         X_WU = _upright(problem)
@@ -70,17 +69,24 @@ class PickPlacePlanner:
         if problem.held_width_m is not None:
             off_palm = clear_of_palm(gripper_pose(problem.q_start), target.p_WObstacles)
             target = replace(target, p_WObstacles=target.p_WObstacles[off_palm])
-        goals = placements(problem, target)
+        goals = problem.subgoal.placements(
+            PlacementQuery(
+                problem.pose_sets[problem.subgoal.task.name],
+                target,
+                problem.layout,
+                in_hand=problem.held_width_m is not None,
+            )
+        )
         if not goals:
             return PlanFailure(Stage.PERCEPTION, f"no goal for {problem.subgoal} was detected")
         world = self._world_of(problem.layout)
         search = _Search(world, self._ik, self._free_motion, problem, target, goals, rng)
         if problem.held_width_m is not None:
-            return search.place(problem.held_width_m)
-        outcome = search.run(grasps, target.p_WDetails)
+            return search.place_held(problem.held_width_m)
+        outcome = search.try_grasps(grasps, target.p_WDetails)
         if isinstance(outcome, Plan) or X_WU is None:
             return outcome
-        turned = search.run(turned_grasps(grasps, X_WU), target.p_WSurface)
+        turned = search.try_grasps(turned_grasps(grasps, X_WU), target.p_WSurface)
         counts = Counter(outcome.statistics)
         counts.update(turned.statistics)
         if isinstance(turned, Plan):
@@ -95,7 +101,7 @@ class PickPlacePlanner:
 
 
 def _upright(problem: PlanningProblem) -> Array | None:
-    poses = problem.pose_sets.get(PoseTask.UPRIGHT)
+    poses = problem.pose_sets.get(UPRIGHT.name)
     return poses.X_WPs[0] if poses is not None and len(poses) else None
 
 
@@ -126,18 +132,18 @@ class _Search:
         self._found: dict[int, tuple[Pick, IkSolutions]] = {}
         self._counts: Counter[str] = Counter()
 
-    def place(self, held_width_m: float) -> Plan | PlanFailure:
+    def place_held(self, held_width_m: float) -> Plan | PlanFailure:
         """Return a plan for an object that is in the hand already."""
         pick = held_pick(self._problem.q_start, held_width_m, self._target)
         self._found = {0: (pick, self._solve_goals(pick))}
         return self._first_plan(BestPairs([1.0], [goal.score for goal in self._goals]))
 
-    def run(self, grasps: PoseSet, p_WSurface: Array) -> Plan | PlanFailure:
+    def try_grasps(self, grasps: PoseSet, p_WSurface: Array) -> Plan | PlanFailure:
         """Return a plan with one of the grasps, fitted to the surface's points (M, 3)."""
         self._found, self._counts = {}, Counter()
         self._picks.rejected.clear()
         self._places.rejected.clear()
-        untried = grasps.subset(away_from(grasps.X_WPs, self._problem.X_WGfailed, HALF_TURN))
+        untried = grasps.subset(away_from(grasps.X_WPs, self._problem.X_WGfailed, GRASP.symmetry))
         if not len(grasps):
             return PlanFailure(Stage.PLANNING, "no grasp is in reach")
         if not len(untried):
@@ -173,7 +179,7 @@ class _Search:
         preferred = PoseSet.ranked(
             grasps.task, grasps.X_WPs, grasps.scores * balance(grasps.X_WPs, self._target)
         )
-        modes = distinct_modes(preferred.X_WPs, MAX_GRASPS, HALF_TURN)
+        modes = distinct_modes(preferred.X_WPs, MAX_GRASPS, GRASP.symmetry)
         chosen = modes + [i for i in range(len(preferred)) if i not in modes]
         chosen = chosen[:MAX_GRASPS]
         novelty = np.where(np.isin(chosen, modes), 1.0, REPEATED_MODE)
@@ -202,9 +208,10 @@ class _Search:
         if route is None:
             return None
         segments = plan_segments(self._world, self._target, pick, place, route)
-        if self._problem.subgoal is Subgoal.HANG:
-            segments = before_watch(segments)
-            if late(segments):
+        still_after_s = self._problem.subgoal.still_after_s
+        if still_after_s is not None:
+            segments = shortened(segments, still_after_s)
+            if moves_after(segments, still_after_s):
                 self._places.rejected["slow retreat"] += 1
                 return None
         return Plan(
@@ -221,7 +228,7 @@ class _Search:
         """Return whether an object in the hand was let go in vain where it would be again."""
         if self._problem.held_width_m is None:
             return False
-        failed = not away_from(place.X_WG[None], self._problem.X_WGfailed).all()
+        failed = not away_from(place.X_WG[None], self._problem.X_WGfailed, Symmetry()).all()
         self._places.rejected["failed before"] += failed
         return failed
 
@@ -238,7 +245,7 @@ class _Search:
             if transit is None:
                 return None
         after = Situation(pick.release_m, p_WStanding=place.p_WReleased)
-        if self._problem.subgoal is Subgoal.HANG:
+        if not self._problem.subgoal.goes_home:
             return Route(transit, transfer, self._withdrawal(place.retreat_qs[-1], after))
         home = self._motion(place.retreat_qs[-1], Q_HOME, after)
         return None if home is None else Route(transit, transfer, home)
@@ -273,7 +280,7 @@ class _Search:
         return {name: float(count) for name, count in self._counts.items()}
 
     def _reason(self) -> str:
-        kind = "hook goals" if self._problem.subgoal is Subgoal.HANG else "upright goals"
+        kind = self._problem.subgoal.goal_noun
         if self._problem.held_width_m is not None:
             rejected = _listed(self._places.rejected)
             return f"none of {len(self._goals)} {kind} is feasible (rejected by: {rejected})"

@@ -12,16 +12,13 @@ from planning.motion.segment_builder import (
     executed_s,
     opening_segment,
 )
-from planning.motion.timing import CAREFUL, FEELING, FREE, LOADED, WARY, rest
+from planning.motion.timing import CAREFUL, FEELING, FREE, LOADED, RETREATING, rest
 from planning.pick_place.pick import Pick
 from planning.pick_place.place import Place
-from planning.problem import AllowedContact, Segment, SegmentName
+from planning.problem import Segment, SegmentName
+from planning.subgoal import AllowedContact
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_FORCE_N
-
-# Whether an object hangs is watched from the fourth second after its release: the arm rests then,
-# if nothing holds it up.
-MAX_AFTER_RELEASE_S = 2.9
 
 _FINGERS = frozenset({AllowedContact.FINGERS_TARGET})
 
@@ -41,17 +38,17 @@ class Route:
     away_qs: Array | None
 
 
-def late(segments: tuple[Segment, ...]) -> bool:
-    """Return whether the arm still moves `MAX_AFTER_RELEASE_S` after the hand has opened."""
+def moves_after(segments: tuple[Segment, ...], released_s: float) -> bool:
+    """Return whether the arm still moves so long after the hand has opened."""
     names = [segment.name for segment in segments]
     after = segments[names.index(SegmentName.OPEN) + 1 :]
-    return sum(executed_s(segment) for segment in after) > MAX_AFTER_RELEASE_S
+    return sum(executed_s(segment) for segment in after) > released_s
 
 
-def before_watch(segments: tuple[Segment, ...]) -> tuple[Segment, ...]:
-    """Return the segments, without the withdrawal at their end where it would last too long."""
+def shortened(segments: tuple[Segment, ...], released_s: float) -> tuple[Segment, ...]:
+    """Return the segments, without the withdrawal at their end where the arm moves too long."""
     withdraws = segments[-1].name is SegmentName.TRANSIT
-    return segments[:-1] if withdraws and late(segments) else segments
+    return segments[:-1] if withdraws and moves_after(segments, released_s) else segments
 
 
 def plan_segments(
@@ -67,7 +64,7 @@ def plan_segments(
         grip.loaded(SegmentName.INSERT, place.insert_qs, CAREFUL, place.inserting),
         grip.loaded(SegmentName.INSERT, place.lower_qs, FEELING, place.lowering, feel=True),
         _open(place, pick),
-        grip.empty(SegmentName.RETREAT, place.retreat_qs, WARY, _allowing(after, _FINGERS)),
+        grip.empty(SegmentName.RETREAT, place.retreat_qs, RETREATING, _allowing(after, _FINGERS)),
     ]
     if route.away_qs is not None:
         segments.append(grip.empty(SegmentName.TRANSIT, route.away_qs, FREE, after))

@@ -8,7 +8,7 @@ from planning.geometry.modes import distinct_modes
 from planning.geometry.waypoints import with_half_turns
 from planning.motion.ik import solve_ik
 from split_drake.pose_set import PoseSet
-from split_drake.pose_task import HALF_TURN
+from split_drake.pose_task import GRASP
 from split_drake.poses import Array, invert_pose, make_pose, rotation_y, rotation_z
 
 # Detected modes that are turned, the turns about the body's axis, and the tilts about the closing
@@ -25,7 +25,7 @@ def turned_grasps(grasps: PoseSet, X_WU: Array) -> PoseSet:
 
     Where a handle was grasped, or is in the way, only the cloud tells: fit them to the surface.
     """
-    modes = distinct_modes(grasps.X_WPs, MAX_MODES, HALF_TURN)
+    modes = distinct_modes(grasps.X_WPs, MAX_MODES, GRASP.symmetry)
     X_UGs = invert_pose(X_WU) @ grasps.X_WPs[modes]
     poses, scores = [], []
     for turn, tilt in product(TURNS_RAD, TILTS_RAD):

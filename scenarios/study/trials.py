@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from planning.problem import Stage, Subgoal
+from planning.problem import Stage
+from planning.subgoal import find_subgoal
 from scenarios.study.cells import Cell
 from scenarios.trials.records import SUCCESS
 from scenarios.trials.spec import TrialSpec
@@ -90,7 +91,7 @@ def _hang(trial: StudyTrial) -> StudyRecord:
         index=trial.index,
         seed=trial.seed,
         mugs=MUGS,
-        task=Subgoal.HANG,
+        task=find_subgoal("hang"),
         detector="oracle",
         planner="default",
         checkpoint=None,
@@ -108,13 +109,13 @@ def _hold(trial: StudyTrial) -> StudyRecord:
     """Hold the seed's mug by one of its checked grasps, gravity in a random direction."""
     name = _mug_of(trial)
     rng = np.random.default_rng(trial.seed)
-    grasps = load_checked_grasps(name)
+    grasps = load_checked_grasps("test", name)
     chosen = int(rng.choice(np.flatnonzero(grasps.holds)))
     down = rng.normal(size=3)
     hand = FreeHand(MUGS.load(name).body, trial.cell.station)
     started_s = time.process_time()
     try:
-        keep = hand.keep(
+        held = hand.hold_still(
             grasps.X_OGs[chosen],
             float(grasps.openings_m[chosen]),
             down / np.linalg.norm(down),
@@ -124,13 +125,13 @@ def _hold(trial: StudyTrial) -> StudyRecord:
         return _record(trial, name, Stage.ERROR, str(error))
     spent_s = time.process_time() - started_s
     figures = {
-        "penetration_m": keep.penetration_m,
-        "slip_m": keep.slip_m,
-        "turn_rad": keep.turn_rad,
-        "real_time_factor": keep.simulated_s / spent_s,
+        "penetration_m": held.penetration_m,
+        "slip_m": held.slip_m,
+        "turn_rad": held.turn_rad,
+        "real_time_factor": held.simulated_s / spent_s,
     }
     kept = {key: round(value, 7) for key, value in figures.items() if np.isfinite(value)}
-    return _record(trial, name, keep.fault or SUCCESS, "", kept)
+    return _record(trial, name, held.fault or SUCCESS, "", kept)
 
 
 def _mug_of(trial: StudyTrial) -> str:

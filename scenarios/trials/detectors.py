@@ -1,20 +1,22 @@
+"""The detector that a trial asks for."""
+
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenarios.trials.pose_noise import NoisyDetector
-from scenarios.trials.setup import Setup
-from scenarios.trials.spec import TrialSpec
-from split_drake.pose_set import PoseDetector
-from split_drake.truth.oracle import OracleDetector
-
-if TYPE_CHECKING:
-    from split_drake.split.detector import SplitDetector
 import numpy as np
 
 from scenarios.trials.mug_check import read_grasps
+from scenarios.trials.pose_noise import NoisyDetector
+from scenarios.trials.setup import Setup
+from scenarios.trials.spec import TrialSpec
 from split_drake.grasps.sampling import GraspLabels, sample_grasps
 from split_drake.objects.mug_source import MugSource
+from split_drake.pose_set import PoseDetector
+from split_drake.truth.oracle import OracleDetector
+
+if TYPE_CHECKING:  # PyTorch is imported by those who need it
+    from split_drake.split.detector import SplitDetector
 
 
 def make_detector(spec: TrialSpec, setup: Setup, wide: bool = False) -> PoseDetector:
@@ -26,20 +28,17 @@ def make_detector(spec: TrialSpec, setup: Setup, wide: bool = False) -> PoseDete
         detector = _split_detector(spec.checkpoint)
         return detector.widened() if wide else detector
     oracle = OracleDetector(
-        setup.truth, setup.mug, _grasp_labels(spec.mugs, setup.mug.body.name, spec.folder)
+        setup.truth, setup.mug, _grasp_labels(spec.mugs, setup.mug.name, spec.folder)
     )
     return NoisyDetector(oracle, spec.pose_noise) if spec.pose_noise else oracle
 
 
 @lru_cache(maxsize=1)
 def _split_detector(checkpoint: Path | None) -> "SplitDetector":
-    """Return SPLIT, on one thread: results depend on the number of threads."""
-    import torch
+    """Return this process's SPLIT."""
+    from split_drake.split.detector import single_threaded_detector
 
-    from split_drake.split.detector import SplitDetector
-
-    torch.set_num_threads(1)
-    return SplitDetector.from_checkpoint(checkpoint)
+    return single_threaded_detector(checkpoint)
 
 
 @lru_cache(maxsize=64)
@@ -47,4 +46,4 @@ def _grasp_labels(mugs: MugSource, name: str, folder: Path) -> GraspLabels:
     """Return the true grasps of a mug, the same in every trial with it."""
     if mugs.folder is not None:
         return read_grasps(folder, name)
-    return sample_grasps(mugs.load(name), np.random.default_rng(0))
+    return sample_grasps(mugs.load(name).body, np.random.default_rng(0))

@@ -55,7 +55,7 @@ def check_mug(check: MugCheck) -> str:
         path = grasps_path(check.folder, check.name)
         if check.with_grasps and not path.exists():
             rng = np.random.default_rng(0)
-            _write(path, sample_grasps(mug, rng, min_width_m=SCANNED_WIDTH_M))
+            _write(path, sample_grasps(mug.body, rng, min_width_m=SCANNED_WIDTH_M))
     except (InvalidMugError, ValueError, RuntimeError) as error:
         return str(error) if check.name in str(error) else f"{check.name}: {error}"
     return ""

@@ -57,8 +57,8 @@ class NoisyDetector:
     noise: PoseNoise
 
     def detect(
-        self, scene: Scene, tasks: Sequence[PoseTask], rng: np.random.Generator
-    ) -> dict[PoseTask, PoseSet]:
-        """Return one pose set for each of `tasks`."""
+        self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
+    ) -> dict[str, PoseSet]:
+        """Return a pose set for each of `tasks`, by their names."""
         found = self.detector.detect(scene, tasks, rng)
         return {task: self.noise.added_to(poses, rng) for task, poses in found.items()}

@@ -3,21 +3,18 @@
 from collections import Counter
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 
 from planning.planner import Planner, make_planner
-from planning.problem import Subgoal
+from scenarios.trials.mug_tasks import mug_task
 from scenarios.trials.spec import TrialSpec
 from scenarios.viewing.recording import FRAMES_PER_SECOND, TrialRecorder
 from split_drake.objects.mug_shape import MugShape
 from split_drake.station.station import Station
-from split_drake.truth.starts import NoStartError, draw_start, reject_for_hang, reject_for_reorient
+from split_drake.truth.starts import NoStartError, draw_start
 from split_drake.truth.state import Truth
-
-if TYPE_CHECKING:  # PyTorch is imported by those who need it
-    pass
 
 
 @dataclass(frozen=True)
@@ -65,7 +62,7 @@ def set_up(spec: TrialSpec, rng: np.random.Generator) -> Setup:
     Raises NoStartError where none of them will.
     """
     redraws: Counter[str] = Counter()
-    reject = reject_for_hang if spec.task is Subgoal.HANG else reject_for_reorient
+    reject = mug_task(spec.task).reject
     for name in spec.mug_names():
         recorder = None if spec.record == "none" else TrialRecorder()
         mug = spec.load_mug(name)

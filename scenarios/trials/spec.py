@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from planning.problem import Subgoal
+from planning.subgoal import Subgoal
 from scenarios.trials.pose_noise import PoseNoise
 from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.mug_source import MugSource

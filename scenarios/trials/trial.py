@@ -14,16 +14,9 @@ from planning.execution.executor import Executor
 from planning.handling.attempts import Attempt, AttemptLimits, SequenceResult
 from planning.handling.sequencer import Sequencer
 from planning.planner import Planner
-from planning.problem import (
-    Plan,
-    PlanFailure,
-    PlanningProblem,
-    Segment,
-    SegmentName,
-    Stage,
-    Subgoal,
-)
+from planning.problem import Plan, PlanFailure, PlanningProblem, Segment, SegmentName, Stage
 from scenarios.trials.limit_log import LimitLog
+from scenarios.trials.mug_tasks import mug_task
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.records import SUCCESS, TrialRecord
 from scenarios.trials.setup import TrialGenerators, planner_named, set_up
@@ -34,7 +27,7 @@ from split_drake.objects.mug_shape import MugShape
 from split_drake.pose_set import PoseSet, save_pose_sets
 from split_drake.pose_task import PoseTask
 from split_drake.scene import Scene
-from split_drake.truth.verdicts import Verdict, hang_verdict, reorient_verdict
+from split_drake.truth.verdicts import Verdict
 
 
 def run_trial(spec: TrialSpec) -> TrialRecord:
@@ -44,7 +37,7 @@ def run_trial(spec: TrialSpec) -> TrialRecord:
     try:
         trial = _Trial(spec)
         mug = trial.setup.mug
-        return trial.run()
+        return trial.carry_out()
     except Exception as error:
         failure = f"{type(error).__name__}: {error}"
         return _failed_trial(spec, mug, failure, traceback.format_exc())
@@ -96,13 +89,13 @@ class _Trial:
         self._limits = LimitLog(self._station, self.setup.truth)
         self._checked: CheckedPlanner | None = None
         self._lifting = False
-        self._perceived: list[tuple[Scene, dict[PoseTask, PoseSet]]] = []
+        self._perceived: list[tuple[Scene, dict[str, PoseSet]]] = []
 
-    def run(self) -> TrialRecord:
+    def carry_out(self) -> TrialRecord:
         if self._recorder:
             self._recorder.start(self._station.time_s)
         started_s, begun = self._station.time_s, time.monotonic()
-        result = self._sequence().run(self._spec.task, self._rngs.planner)
+        result = self._sequence().reach(self._spec.task, self._rngs.planner)
         executed = time.monotonic()
         verdict = self._judge(result)
         judged = time.monotonic()
@@ -137,7 +130,7 @@ class _Trial:
         if self._recorder:
             planner = _ShowingPlanner(planner, self._recorder)
         on_step = self._on_step if self._recorder else None
-        executor = Executor(self._station, on_step, wary=self._spec.feedback)
+        executor = Executor(self._station, on_step, stops_when_caught=self._spec.feedback)
         limits = AttemptLimits() if self._spec.feedback else AttemptLimits.without_feedback()
         return Sequencer(planner, self._perceive, executor, self._station.config.layout, limits)
 
@@ -146,9 +139,7 @@ class _Trial:
             return None
         return tuple(str(each) for each in self._checked.violations)
 
-    def _perceive(
-        self, tasks: Sequence[PoseTask], again: bool
-    ) -> tuple[Scene, dict[PoseTask, PoseSet]]:
+    def _perceive(self, tasks: Sequence[PoseTask], again: bool) -> tuple[Scene, dict[str, PoseSet]]:
         scene, pose_sets = self._perceiver.look(tasks, again)
         self._perceived.append((scene, pose_sets))
         if self._recorder:
@@ -165,12 +156,8 @@ class _Trial:
     def _judge(self, result: SequenceResult) -> Verdict:
         if not result.completed:
             return Verdict(False, result.reason)
-        if self._spec.task is Subgoal.REORIENT:
-            return reorient_verdict(self._station, self.setup.truth)
-        execution = result.attempts[-1].execution
-        assert execution is not None  # the sequence was completed
-        released_s = self._station.time_s - execution.since_release_s
-        return hang_verdict(self._station, self.setup.truth, self.setup.mug, released_s)
+        judge = mug_task(self._spec.task).judge
+        return judge(self._station, self.setup.truth, self.setup.mug, result)
 
     def _save_recording(self, verdict: Verdict) -> str | None:
         """Keep what was perceived and recorded where it is wanted; return the page's name."""
@@ -193,7 +180,7 @@ def _attempt_record(attempt: Attempt) -> dict[str, Any]:
         "stage": str(stage or SUCCESS),
         "reason": reason,
         "recovery": attempt.recovery,
-        "poses": {str(task): len(found) for task, found in attempt.perception.pose_sets.items()},
+        "poses": {name: len(found) for name, found in attempt.perception.pose_sets.items()},
         "planning_s": round(attempt.planning_s, 3),
         "search": dict(attempt.outcome.statistics),
     }

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from split_drake.pose_set import PoseSet
-from split_drake.pose_task import PoseTask
+from split_drake.pose_task import GRASP, HANDLE, UPRIGHT, PoseTask
 from split_drake.poses import Array, transform_points
 from split_drake.robot.gripper import MAX_OPENING_M, PAD_SIZE_M
 
 _HALF, _TIP, _ROOT = MAX_OPENING_M / 2.0, PAD_SIZE_M[1] / 2.0, -0.045
 
-# Segments (S, 2, 3) in the pose's frame, metres.  Grasp: fingers, their base and the approach.
-_SKETCHES: dict[PoseTask, Array] = {
-    PoseTask.GRASP: np.array(
+# Segments (S, 2, 3) in the pose's frame, metres, of tasks with a sketch of their own.  Grasp: the
+# fingers, their base and the approach.
+_SKETCHES: dict[str, Array] = {
+    GRASP.name: np.array(
         [
             [[0, _HALF, _ROOT], [0, _HALF, _TIP]],
             [[0, -_HALF, _ROOT], [0, -_HALF, _TIP]],
@@ -23,7 +24,7 @@ _SKETCHES: dict[PoseTask, Array] = {
         ]
     ),
     # Handle: the way of the peg, away from the body, and towards the rim.
-    PoseTask.HANDLE: np.array(
+    HANDLE.name: np.array(
         [
             [[0, -0.03, 0], [0, 0.03, 0]],
             [[0, 0, 0], [0.02, 0, 0]],
@@ -31,7 +32,7 @@ _SKETCHES: dict[PoseTask, Array] = {
         ]
     ),
     # Upright: the axis from the base up, and the side of the handle.
-    PoseTask.UPRIGHT: np.array(
+    UPRIGHT.name: np.array(
         [
             [[0, 0, 0], [0, 0, 0.06]],
             [[0, 0, 0], [0.03, 0, 0]],
@@ -39,6 +40,9 @@ _SKETCHES: dict[PoseTask, Array] = {
         ]
     ),
 }
+
+# Of other tasks: how long axes are drawn, and how wide a ring about the axis of any turn.
+_AXIS_M, _RING_M, _RING_CORNERS = 0.04, 0.02, 16
 
 # Score 0 to 1: red, amber, green, which stay apart in lightness for the colour-blind.
 _COLOR_STOPS = np.array([[0.70, 0.09, 0.17], [0.96, 0.73, 0.26], [0.10, 0.60, 0.31]])
@@ -51,10 +55,30 @@ def score_color(score: float) -> tuple[float, float, float]:
     return red, green, blue
 
 
+def sketch(task: PoseTask) -> Array:
+    """Return segments (S, 2, 3), in metres, that show what a task's frame looks like.
+
+    A task without a sketch of its own shows its symmetry: no turn as axes x, y and z of falling
+    lengths, a half turn as its axis with a line across, any turn as its axis with a ring.
+    """
+    if task.name in _SKETCHES:
+        return _SKETCHES[task.name]
+    if task.symmetry.kind == "none":
+        ends = _AXIS_M * np.diag([1.0, 0.5, 0.25])
+        return np.stack([np.zeros((3, 3)), ends], axis=1)
+    along = np.eye(3)[task.symmetry.column]
+    across, aside = np.roll(along, 1), np.roll(along, 2)
+    axis = np.array([[np.zeros(3), _AXIS_M * along]])
+    if task.symmetry.kind == "half turn":
+        return np.concatenate([axis, [[-_RING_M * across, _RING_M * across]]])
+    angles = np.linspace(0.0, 2.0 * np.pi, _RING_CORNERS + 1)[:, None]
+    ring = _RING_M * (np.cos(angles) * across + np.sin(angles) * aside)
+    return np.concatenate([axis, np.stack([ring[:-1], ring[1:]], axis=1)])
+
+
 def pose_segments(task: PoseTask, X_WPs: Array) -> Array:
     """Return the sketches of poses (N, 4, 4) as segments (N * S, 2, 3) in W."""
-    sketch = _SKETCHES[task]
-    points = transform_points(np.reshape(X_WPs, (-1, 4, 4)), sketch.reshape(-1, 3))
+    points = transform_points(np.reshape(X_WPs, (-1, 4, 4)), sketch(task).reshape(-1, 3))
     return points.reshape(-1, 2, 3)
 
 

@@ -1,17 +1,16 @@
 """Recordings: what a trial looked like, as one HTML page that needs no server."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams, Rgba
 from pydrake.perception import BaseField, Fields, PointCloud
 
-from planning.problem import Plan, Subgoal
+from planning.problem import Plan
 from scenarios.viewing.pose_drawing import pose_segments, score_bands
 from split_drake.files import write_atomically
-from split_drake.pose_set import PoseSet
-from split_drake.pose_task import PoseTask
+from split_drake.pose_set import PoseSets
+from split_drake.pose_task import GRASP
 from split_drake.poses import Array
 
 FRAMES_PER_SECOND = 20.0
@@ -50,9 +49,7 @@ class TrialRecorder:
             frames_per_second=FRAMES_PER_SECOND, set_visualizations_while_recording=False
         )
 
-    def show_perception(
-        self, p_WPs: Array, pose_sets: Mapping[PoseTask, PoseSet], time_s: float
-    ) -> None:
+    def show_perception(self, p_WPs: Array, pose_sets: PoseSets, time_s: float) -> None:
         """Show a cloud (N, 3) and pose sets from `time_s` on, instead of what was shown before."""
         if self._attempts:
             self._set_visible("", False, time_s)
@@ -73,11 +70,10 @@ class TrialRecorder:
 
         A plan that does not take the object leaves the grasp as it was shown.
         """
-        placed = PoseTask.HANDLE if plan.subgoal is Subgoal.HANG else PoseTask.UPRIGHT
         chosen = {
-            "grasp": (PoseTask.GRASP, plan.X_WGrasp, _GRASP_RGBA),
-            "grasp_at_goal": (PoseTask.GRASP, plan.X_WGplace, _GOAL_RGBA),
-            "goal": (placed, plan.X_WGoal, _GOAL_RGBA),
+            "grasp": (GRASP, plan.X_WGrasp, _GRASP_RGBA),
+            "grasp_at_goal": (GRASP, plan.X_WGplace, _GOAL_RGBA),
+            "goal": (plan.subgoal.task, plan.X_WGoal, _GOAL_RGBA),
         }
         if not taking:
             del chosen["grasp"]

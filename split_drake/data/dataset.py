@@ -1,55 +1,48 @@
-"""Mug scenes on disk: one shard a mug, and a manifest with their checksums.
+"""Labelled scenes on disk: one shard an object, and a manifest with their checksums.
 
-A dataset is a folder with ``manifest.json`` and one ``<mug>.npz`` a shape, each holding S scenes
-and the L grasp candidates of its mug:
+A dataset is a folder with ``manifest.json``, which says what it was made from, its tasks and its
+workspace, and one ``<object>.npz`` each, holding S scenes and L labelled poses of every task:
 
-=================  ===============  =======  ==================================================
-array              shape            type     content
-=================  ===============  =======  ==================================================
-points             (S, 2000, 3)     uint16   sampled points without noise: cells of the
-                                             workspace's cube divided 65536 times along each edge
-X_WOs              (S, 4, 4)        float32  pose of the mug
-grasp_states       (S, L)           uint8    `GraspState` of each candidate in each scene
-handle_points      (S,)             int32    how many of the points lie on the handle
-views              (S,)             uint8    number of cameras
-X_OGs              (L, 4, 4)        float32  grasp candidates
-qualities          (L,)             float32  weight of a candidate where it is true, 0 if nowhere
-X_OHs              (2, 4, 4)        float32  the two equivalent handle poses
-redraws            ()               int32    scenes drawn again for want of true grasps
-=================  ===============  =======  ==================================================
+==================  ===============  =======  =================================================
+array               shape            type     content
+==================  ===============  =======  =================================================
+points              (S, 2000, 3)     uint16   sampled points without noise: cells of the
+                                              workspace's cube divided 65536 times along each edge
+X_WOs               (S, 4, 4)        float32  pose of the object
+feature_points      (S,)             int32    how many of the points lie on the part that poses
+                                              are told by, a mug's handle say; -1 without one
+views               (S,)             uint8    number of cameras
+redraws             ()               int32    scenes drawn again for want of true poses
+<task>/X_OPs        (L, 4, 4)        float32  poses in the object's frame
+<task>/weights      (L,)             float32  weight of a pose where it is true, 0 if nowhere
+<task>/states       (S, L)           uint8    `PoseState` of each pose in each scene
+==================  ===============  =======  =================================================
 
 13 kB a scene, and no more when compressed: the points fill their cells at random.
 """
 
 import json
 import os
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from split_drake.experiments.provenance import file_sha256
 from split_drake.files import replacing
+from split_drake.pose_task import PoseTask
 from split_drake.poses import Array
 from split_drake.scene import Workspace
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 MANIFEST = "manifest.json"
-SHARD_ARRAYS = (
-    "points",
-    "X_WOs",
-    "grasp_states",
-    "handle_points",
-    "views",
-    "X_OGs",
-    "qualities",
-    "X_OHs",
-    "redraws",
-)
+SCENE_ARRAYS = ("points", "X_WOs", "feature_points", "views", "redraws")
+LABEL_ARRAYS = ("X_OPs", "weights", "states")
 CELLS = 65536
 
 Shard = dict[str, np.ndarray]
@@ -78,52 +71,65 @@ def decode_points(cells: NDArray[np.uint16], workspace: Workspace) -> NDArray[np
 
 
 @dataclass(frozen=True)
-class MugDataset:
-    """A dataset in memory: S scenes of M mugs, with L grasp candidates a mug.
+class TaskLabels:
+    """The labelled poses of one task on M objects, in S scenes; L of each object at most.
+
+    Attributes:
+        X_OPs: (M, L, 4, 4) poses; objects with fewer are padded by the identity.
+        weights: (M, L) weight in (0, 1] of poses that can be true, 0 for others.
+        states: (S, L) `PoseState` of each of its object's poses.
+    """
+
+    X_OPs: NDArray[np.float32]
+    weights: NDArray[np.float32]
+    states: NDArray[np.uint8]
+
+    @classmethod
+    def of_shards(cls, shards: Sequence[Shard], task: PoseTask) -> Self:
+        """Return the labels that some shards hold of a task."""
+        count = max(len(shard[f"{task}/X_OPs"]) for shard in shards)
+        return cls(
+            np.stack([_padded_poses(shard[f"{task}/X_OPs"], count) for shard in shards]),
+            np.stack([_padded(shard[f"{task}/weights"], count, 0) for shard in shards]),
+            np.concatenate([_padded(shard[f"{task}/states"], count, 1) for shard in shards]),
+        )
+
+
+@dataclass(frozen=True)
+class SceneDataset:
+    """A dataset in memory: S scenes of M objects.
 
     Attributes:
         clouds: (S, 2000, 3) sampled points without noise, metres in W.
-        X_WOs: (S, 4, 4) pose of the mug.
-        grasp_states: (S, L) `GraspState` of each of its mug's candidates.
-        handle_points: (S,) how many of the points lie on the handle.
+        X_WOs: (S, 4, 4) pose of the object.
+        feature_points: (S,) how many of the points lie on the object's feature.
         views: (S,) number of cameras.
-        mug_index: (S,) which mug each scene shows.
-        mug_names: of the M mugs.
-        X_OGs: (M, L, 4, 4) grasp candidates; mugs with fewer are padded by the identity.
-        qualities: (M, L) weight in (0, 1] of candidates that can be true, 0 for others.
-        X_OHs: (M, 2, 4, 4) the two equivalent handle poses.
+        object_index: (S,) which object each scene shows.
+        object_names: of the M objects.
+        tasks: whose poses are labelled.
+        labels: {name of a task: its labels}.
+        workspace: that the scenes were cropped to.
         config: that the scenes were generated with.
         dataset_hash: SHA-256 over the shards.
     """
 
     clouds: NDArray[np.float32]
     X_WOs: NDArray[np.float32]
-    grasp_states: NDArray[np.uint8]
-    handle_points: NDArray[np.int32]
+    feature_points: NDArray[np.int32]
     views: NDArray[np.uint8]
-    mug_index: NDArray[np.int_]
-    mug_names: tuple[str, ...]
-    X_OGs: NDArray[np.float32]
-    qualities: NDArray[np.float32]
-    X_OHs: NDArray[np.float32]
+    object_index: NDArray[np.int_]
+    object_names: tuple[str, ...]
+    tasks: tuple[PoseTask, ...]
+    labels: Mapping[str, TaskLabels]
+    workspace: Workspace
     config: dict[str, Any]
     dataset_hash: str
 
     def __len__(self) -> int:
-        return len(self.mug_index)
-
-    @property
-    def handles(self) -> NDArray[np.float32]:
-        """(S, 2, 4, 4): the two equivalent handle poses X_WH."""
-        return self.X_WOs[:, None] @ self.X_OHs[self.mug_index]
-
-    @property
-    def uprights(self) -> NDArray[np.float32]:
-        """(S, 1, 4, 4): the upright pose X_WU."""
-        return self.X_WOs[:, None]
+        return len(self.object_index)
 
     @classmethod
-    def open(cls, folder: Path, verify: bool = True) -> "MugDataset":
+    def open(cls, folder: Path, verify: bool = True) -> Self:
         """Read a folder, several shards at a time.
 
         Raises DatasetError where the manifest is missing, of another format, or, with `verify`,
@@ -131,12 +137,11 @@ class MugDataset:
         """
         manifest = read_manifest(folder)
         names = tuple(sorted(manifest["shards"]))
-        read = partial(_read_listed, folder, manifest["shards"], verify)
+        tasks = tuple(PoseTask.from_fields(fields) for fields in manifest["config"]["tasks"])
+        read = partial(_read_listed, folder, manifest["shards"], tasks, verify)
         with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as executor:
             shards = list(executor.map(read, names))
-        described = manifest["config"]["workspace"]
-        workspace = Workspace(**described | {"p_WCenter": tuple(described["p_WCenter"])})
-        count = max(len(shard["X_OGs"]) for shard in shards)
+        workspace = Workspace.from_fields(manifest["config"]["workspace"])
 
         def joined(key: str) -> np.ndarray:
             return np.concatenate([shard[key] for shard in shards])
@@ -144,14 +149,13 @@ class MugDataset:
         return cls(
             clouds=_decode_all([shard.pop("points") for shard in shards], workspace),
             X_WOs=joined("X_WOs"),
-            grasp_states=np.concatenate([_padded(s["grasp_states"], count, 1) for s in shards]),
-            handle_points=joined("handle_points"),
+            feature_points=joined("feature_points"),
             views=joined("views"),
-            mug_index=np.repeat(np.arange(len(names)), [len(shard["X_WOs"]) for shard in shards]),
-            mug_names=names,
-            X_OGs=np.stack([_padded_poses(shard["X_OGs"], count) for shard in shards]),
-            qualities=np.stack([_padded(shard["qualities"], count, 0) for shard in shards]),
-            X_OHs=np.stack([shard["X_OHs"] for shard in shards]),
+            object_index=np.repeat(np.arange(len(names)), [len(s["X_WOs"]) for s in shards]),
+            object_names=names,
+            tasks=tasks,
+            labels={task.name: TaskLabels.of_shards(shards, task) for task in tasks},
+            workspace=workspace,
             config=manifest["config"],
             dataset_hash=manifest["sha256"],
         )
@@ -168,7 +172,7 @@ def _decode_all(cells: list[NDArray[np.uint16]], workspace: Workspace) -> NDArra
 
 
 def _padded(array: np.ndarray, count: int, axis: int) -> np.ndarray:
-    """Return the array with zeros (`GraspState.PADDING`) up to `count` along `axis`."""
+    """Return the array with zeros (`PoseState.PADDING`) up to `count` along `axis`."""
     widths = [(0, 0)] * array.ndim
     widths[axis] = (0, count - array.shape[axis])
     return np.pad(array, widths)
@@ -180,15 +184,16 @@ def _padded_poses(X: np.ndarray, count: int) -> np.ndarray:
 
 
 def write_shard(path: Path, shard: Shard) -> None:
-    """Write a shard at once or not at all; `shard` holds all of `SHARD_ARRAYS`."""
+    """Write a shard at once or not at all."""
     with replacing(path) as temporary:
-        np.savez(temporary, allow_pickle=False, **{key: shard[key] for key in SHARD_ARRAYS})
+        np.savez(temporary, allow_pickle=False, **shard)
 
 
-def read_shard(path: Path) -> Shard:
-    """Return the arrays of a shard."""
+def read_shard(path: Path, tasks: Sequence[PoseTask]) -> Shard:
+    """Return the arrays of a shard with these tasks."""
+    keys = [f"{task}/{array}" for task in tasks for array in LABEL_ARRAYS]
     with np.load(path, allow_pickle=False) as archive:
-        return {key: archive[key] for key in SHARD_ARRAYS}
+        return {key: archive[key] for key in (*SCENE_ARRAYS, *keys)}
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -203,7 +208,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return dict(manifest)
 
 
-def _read_listed(folder: Path, hashes: dict[str, str], verify: bool, name: str) -> Shard:
+def _read_listed(
+    folder: Path, hashes: dict[str, str], tasks: Sequence[PoseTask], verify: bool, name: str
+) -> Shard:
     """Return a shard of a manifest's, its hash compared with the one there."""
     path = folder / f"{name}.npz"
     if not path.is_file():
@@ -212,4 +219,4 @@ def _read_listed(folder: Path, hashes: dict[str, str], verify: bool, name: str) 
         raise DatasetError(
             f"{path} has changed: SHA-256 {found[:12]}, expected {hashes[name][:12]}"
         )
-    return read_shard(path)
+    return read_shard(path, tasks)

@@ -1,11 +1,14 @@
-"""Generate mug scenes: `python -m split_drake.data.generate --out datasets/mugs_train`.
+"""Generate labelled scenes: `python -m split_drake.data.generate --out datasets/mugs_train`.
 
-One shard a mug, seeded by the mug alone, so that neither the number of workers nor an interruption
-changes a byte; shards that exist already are kept.  See `dataset` for the format.
+The command makes scenes of mugs; `generate` makes those of any `DatasetRecipe`.
 
-This is the paper's protocol (section V): candidates at the object level, validated in physics
-(`grasp_store`), attached to the object, and placed in scenes; there they must clear the table, come
-from above, and be visible (`grasp_candidates`, `visibility`); those that fail are kept as false.
+One shard an object, seeded by the object alone, so that neither the number of workers nor an
+interruption changes a byte; shards that exist already are kept.  See `dataset` for the format.
+
+For mugs this is the paper's protocol (section V): candidates at the object level, validated in
+physics (`split_drake.grasps.store`), attached to the object, and placed in scenes; there they must
+clear the table, come from above, and be visible (`grasp_candidates`); those that fail are kept as
+false.
 200 shapes with 150 scenes each make its 30,000 scenes.  It differs from the paper:
 
 - Shapes come from a parametric family in place of ShapeNet, where the paper picks 25 mugs to train
@@ -20,6 +23,7 @@ from above, and be visible (`grasp_candidates`, `visibility`); those that fail a
 """
 
 import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -30,27 +34,84 @@ import tyro
 from rich.progress import track
 
 from split_drake.data.dataset import FORMAT_VERSION, MANIFEST, read_shard, write_shard
-from split_drake.data.grasp_candidates import GraspCandidates, GraspState
-from split_drake.data.handle_points import VISIBLE_HANDLE_POINTS
-from split_drake.data.mug_scenes import MugScenes
+from split_drake.data.grasp_candidates import GraspCandidates
+from split_drake.data.labels import FixedPoses, PoseLabels, PoseState
+from split_drake.data.object_scenes import ObjectScenes, feature_visible
 from split_drake.data.randomization import DomainRandomization
-from split_drake.data.rests import load_rests, rests_path
+from split_drake.data.rests import Rests, load_rests, rests_path
 from split_drake.data.scene_generator import SceneGenerator
 from split_drake.experiments.pool import InThisProcess, WorkerPool
 from split_drake.experiments.provenance import combined_sha256, file_sha256
 from split_drake.experiments.run import claim_folder
 from split_drake.files import write_json
 from split_drake.grasps.store import load_checked_grasps, store_path
-from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
+from split_drake.objects.mug_source import MugSource
+from split_drake.objects.mugs.split import Split, mugs_sha256
+from split_drake.objects.task_object import ObjectSource, TaskObject
+from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
 from split_drake.station.layout import Layout
 
 # Raise it when code changes what scenes or labels come out of the same files and settings.
-LABEL_VERSION = 2
+LABEL_VERSION = 3
+
+MakeRests = Callable[[TaskObject], Rests]
+MakeLabels = Callable[[TaskObject, PoseTask, np.random.Generator], PoseLabels]
+
+
+def geometric_labels(subject: TaskObject, task: PoseTask, rng: np.random.Generator) -> PoseLabels:
+    """Return the labels of any object: its own poses, and grasps that geometry calls good.
+
+    Raises UnknownTaskError where the object has no poses of the task.
+    """
+    if task == GRASP:
+        return GraspCandidates.from_geometry(subject, rng)
+    return FixedPoses(subject.poses_of(task))
+
+
+@dataclass(frozen=True)
+class DatasetRecipe:
+    """What a dataset is made of; pickled by worker processes.
+
+    Attributes:
+        source: of the objects.
+        tasks: whose poses are labelled.
+        layout: cameras and workspace.
+        make_rests: says how an object comes to rest on the table.
+        make_labels: says which poses of a task are true on an object.
+        randomization: what varies from scene to scene.
+        scenes_per_object: how many scenes of each.
+        seed: of all draws, together with the object's split and number.
+        made_from: hashes of the files that rests and labels come from, by what they are.
+    """
+
+    source: ObjectSource
+    tasks: tuple[PoseTask, ...]
+    layout: Layout
+    make_rests: MakeRests
+    make_labels: MakeLabels = geometric_labels
+    randomization: DomainRandomization = field(default_factory=DomainRandomization)
+    scenes_per_object: int = 150
+    seed: int = 0
+    made_from: Mapping[str, str] = field(default_factory=dict)
+
+    def config(self) -> dict[str, Any]:
+        """Return all that the scenes depend on."""
+        return {
+            "objects": self.source.sha256(),
+            "tasks": [asdict(task) for task in self.tasks],
+            "scenes_per_object": self.scenes_per_object,
+            "seed": self.seed,
+            "randomization": asdict(self.randomization),
+            "workspace": asdict(self.layout.workspace),
+            "cameras": [asdict(camera) for camera in self.layout.cameras],
+            "made_from": dict(self.made_from),
+            "label_version": LABEL_VERSION,
+        }
 
 
 @dataclass(frozen=True)
 class GenerateConfig:
-    """Which scenes to generate.
+    """Which scenes of mugs to generate.
 
     Attributes:
         out: folder of the dataset.
@@ -73,19 +134,31 @@ class GenerateConfig:
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")
 
-    def scenes_config(self) -> dict[str, Any]:
-        """Return all that the scenes depend on."""
-        layout = Layout()
-        return {
-            "mugs": self.mugs,
-            "scenes_per_mug": self.scenes_per_mug,
-            "seed": self.seed,
-            "randomization": asdict(self.randomization),
-            "workspace": asdict(layout.workspace),
-            "cameras": [asdict(camera) for camera in layout.cameras],
-            "sources": source_hashes(self.mugs),
-            "label_version": LABEL_VERSION,
-        }
+    def recipe(self, layout: Layout) -> DatasetRecipe:
+        """Return what the scenes are made of: mugs with grasps that were tried in physics."""
+        return DatasetRecipe(
+            source=MugSource(self.mugs),
+            tasks=MUG_TASKS,
+            layout=layout,
+            make_rests=partial(_mug_rests, self.mugs),
+            make_labels=partial(_mug_labels, self.mugs),
+            randomization=self.randomization,
+            scenes_per_object=self.scenes_per_mug,
+            seed=self.seed,
+            made_from=source_hashes(self.mugs),
+        )
+
+
+def _mug_rests(split: Split, mug: TaskObject) -> Rests:
+    return load_rests(split, mug.name)
+
+
+def _mug_labels(
+    split: Split, mug: TaskObject, task: PoseTask, rng: np.random.Generator
+) -> PoseLabels:
+    if task == GRASP:
+        return GraspCandidates.from_checked(mug, load_checked_grasps(split, mug.name), rng)
+    return FixedPoses(mug.poses_of(task))
 
 
 def source_hashes(split: Split) -> dict[str, str]:
@@ -97,53 +170,70 @@ def source_hashes(split: Split) -> dict[str, str]:
     }
 
 
-def generate_shard(config: GenerateConfig, name: str) -> None:
-    """Generate the scenes of mug `name` and write them."""
-    number = int(name.rpartition("_")[2])
-    seeds = np.random.SeedSequence([config.seed, number, config.mugs == "test"])
-    # Scenes have a stream of their own, so that other candidates leave the poses as they are.
-    for_candidates, for_scenes = (np.random.default_rng(part) for part in seeds.spawn(2))
-    mug, layout = load_mug(name), Layout()
-    candidates = GraspCandidates.from_checked(mug, load_checked_grasps(name), for_candidates)
-    scenes = MugScenes(mug, load_rests(name), layout, config.randomization)
-    generator = SceneGenerator(scenes, candidates, layout.workspace, for_scenes)
-    write_shard(config.out / f"{name}.npz", generator.shard(config.scenes_per_mug))
+def generate_shard(recipe: DatasetRecipe, out: Path, name: str) -> None:
+    """Generate the scenes of the object `name` and write them."""
+    subject, layout = recipe.source.load(name), recipe.layout
+    seeds = np.random.SeedSequence([recipe.seed, subject.number, subject.split == "test"])
+    # Scenes have a stream of their own, so that other labels leave the poses as they are.
+    for_labels, for_scenes = (np.random.default_rng(part) for part in seeds.spawn(2))
+    labels = {task.name: recipe.make_labels(subject, task, for_labels) for task in recipe.tasks}
+    scenes = ObjectScenes(subject, recipe.make_rests(subject), layout, recipe.randomization)
+    generator = SceneGenerator(scenes, labels, layout.workspace, for_scenes)
+    write_shard(out / f"{name}.npz", generator.shard(recipe.scenes_per_object))
 
 
-def summarize(folder: Path, names: tuple[str, ...]) -> dict[str, float]:
+def summarize(
+    folder: Path, names: Sequence[str], tasks: Sequence[PoseTask]
+) -> dict[str, float | dict[str, float]]:
     """Return what the scenes of these shards are like, for the manifest."""
-    shards = [read_shard(folder / f"{name}.npz") for name in names]
-    handle_points = np.concatenate([shard["handle_points"] for shard in shards])
+    shards = [read_shard(folder / f"{name}.npz", tasks) for name in names]
+    points = np.concatenate([shard["feature_points"] for shard in shards])
     views = np.concatenate([shard["views"] for shard in shards])
-    true = [(shard["grasp_states"] == GraspState.TRUE).sum(axis=1) for shard in shards]
     return {
         "scenes": len(views),
-        "redraws_for_want_of_grasps": sum(int(shard["redraws"]) for shard in shards),
+        "redraws": sum(int(shard["redraws"]) for shard in shards),
         "single_view_share": round(float((views == 1).mean()), 4),
-        "hidden_handle_share": round(float((handle_points < VISIBLE_HANDLE_POINTS).mean()), 4),
-        "median_true_grasps": float(np.median(np.concatenate(true))),
+        "hidden_feature_share": round(float((~feature_visible(points)).mean()), 4),
+        "median_true_poses": {
+            task.name: float(
+                np.median(
+                    np.concatenate(
+                        [(s[f"{task}/states"] == PoseState.TRUE).sum(axis=1) for s in shards]
+                    )
+                )
+            )
+            for task in tasks
+        },
     }
 
 
-def generate(config: GenerateConfig) -> None:
-    """Write the shards that are missing, then the manifest."""
-    scenes_config = claim_folder(config.out, config.scenes_config())
-    names = mug_names(config.mugs)
-    missing = [name for name in names if not (config.out / f"{name}.npz").exists()]
-    make = partial(generate_shard, config)
-    pool = InThisProcess(make) if config.workers == 1 else WorkerPool(make, config.workers)
+def generate(recipe: DatasetRecipe, out: Path, workers: int) -> None:
+    """Write the shards that are missing to the folder `out`, then the manifest.
+
+    Raises AnotherRunError where the folder holds scenes of another recipe.
+    """
+    config = claim_folder(out, recipe.config())
+    names = recipe.source.names()
+    missing = [name for name in names if not (out / f"{name}.npz").exists()]
+    make = partial(generate_shard, recipe, out)
+    pool = InThisProcess(make) if workers == 1 else WorkerPool(make, workers)
     for _ in track(pool.run(missing), "shards", total=len(missing)):
         pass
-    shards = {name: file_sha256(config.out / f"{name}.npz") for name in names}
+    shards = {name: file_sha256(out / f"{name}.npz") for name in names}
     manifest = {
         "format_version": FORMAT_VERSION,
-        "config": scenes_config,
-        **summarize(config.out, names),
+        "config": config,
+        **summarize(out, names, recipe.tasks),
         "shards": shards,
         "sha256": combined_sha256(shards),
     }
-    write_json(config.out / MANIFEST, manifest)
+    write_json(out / MANIFEST, manifest)
+
+
+def main(config: GenerateConfig) -> None:
+    """Generate the scenes that the command asks for."""
+    generate(config.recipe(Layout()), config.out, config.workers)
 
 
 if __name__ == "__main__":
-    generate(tyro.cli(GenerateConfig, description=__doc__))
+    main(tyro.cli(GenerateConfig, description=__doc__))

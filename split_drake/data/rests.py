@@ -20,6 +20,7 @@ from split_drake.files import replacing
 from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
 from split_drake.objects.rigid import RigidObject
 from split_drake.poses import Array
+from split_drake.station.config import StationConfig
 from split_drake.station.station import Station
 from split_drake.truth.rest import axis_tilt_rad, wait_for_rest
 from split_drake.truth.starts import SETTLE_TIMEOUT_S, UPSIDE_DOWN_RAD, drop_pose
@@ -46,14 +47,14 @@ class Rests:
     dropped: int
 
 
-def settle(body: RigidObject, count: int, rng: np.random.Generator) -> Rests:
+def settle(body: RigidObject, count: int, rng: np.random.Generator, config: StationConfig) -> Rests:
     """Drop an object in any orientation until `count` drops have come to rest.
 
     Left out are rests upside down (as in the paper, section VI-B) and what still moves after 5 s.
 
     Raises RestsError where hardly any drop comes to rest.
     """
-    station = Station(objects=(body,))
+    station = Station(config, (body,))
     truth = Truth(station)
     p_WT = np.array(station.config.layout.workspace.p_WCenter)
     rests: list[Array] = []
@@ -93,12 +94,11 @@ def _shipped(split: Split) -> dict[str, Rests]:
         return {str(name): Rests(X_TOs.astype(float), int(n)) for name, X_TOs, n in entries}
 
 
-def load_rests(name: str) -> Rests:
-    """Return the rests of the mug `name`, "train_017" say.
+def load_rests(split: Split, name: str) -> Rests:
+    """Return the rests of a split's mug `name`.
 
     Raises RestsError where there are none.
     """
-    split: Split = "test" if name.startswith("test_") else "train"
     rests = _shipped(split)
     if name not in rests:
         raise RestsError(f"there are no rests of {name!r}; expected one of {split}'s mugs")
@@ -126,8 +126,9 @@ class SettleConfig:
 
 
 def _settle_mug(count: int, name: str) -> tuple[str, Rests]:
-    rng = np.random.default_rng([int(name.rpartition("_")[2]), name.startswith("test_")])
-    return name, settle(load_mug(name).body, count, rng)
+    mug = load_mug(name)
+    rng = np.random.default_rng([mug.number, mug.split == "test"])
+    return name, settle(mug.body, count, rng, StationConfig())
 
 
 def settle_split(config: SettleConfig) -> None:

@@ -1,6 +1,6 @@
 """Measure a checkpoint: ``python -m split_drake.evaluation.evaluate --mugs test --out runs/eval``.
 
-Scenes are drawn as the scenarios draw their starts.  `judgement`, `peg` and `coverage` say what
+Scenes are drawn as the scenarios draw their starts.  `judgement` and `task_records` say what
 counts as good, `evaluation` what is written.
 """
 
@@ -13,10 +13,13 @@ from typing import Any
 import tyro
 from rich.console import Console
 
-from split_drake.evaluation.evaluation import evaluate
-from split_drake.evaluation.scenes import EvalOptions
-from split_drake.evaluation.summary import calibration_table, metrics_table, mugs_table
-from split_drake.experiments.provenance import file_sha256
+from split_drake.evaluation.evaluation import Evaluation, evaluate
+from split_drake.evaluation.examiner import DetectorMaker
+from split_drake.evaluation.scenes import EvalMugs, EvalOptions
+from split_drake.evaluation.summary import calibration_table, metrics_table, subjects_table
+from split_drake.experiments.provenance import UNKNOWN_COMMIT, file_sha256
+from split_drake.objects.mug_source import MugSource
+from split_drake.pose_task import PoseTask
 from split_drake.split.checkpoint import (
     CheckpointInfo,
     default_weights,
@@ -24,10 +27,56 @@ from split_drake.split.checkpoint import (
     save_checkpoint,
 )
 from split_drake.split.detector import SamplerConfig, SplitDetector
+from split_drake.station.layout import Layout
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvaluateConfig(EvalOptions):
+class MugEvalOptions(EvalOptions):
+    """What the scenes of an evaluation on mugs are.
+
+    Attributes:
+        mugs: "train", "test", or a folder of upright mesh files.
+        scenes: how many, spread evenly over the mugs of a split.
+        scenes_per_mug: how many of each mug of a folder.
+    """
+
+    mugs: str = "test"
+    scenes: int = 2000
+    scenes_per_mug: int = 200
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("scenes", "scenes_per_mug"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")
+        MugSource(self.mugs)
+
+    @property
+    def source(self) -> MugSource:
+        """Where the mugs come from."""
+        return MugSource(self.mugs)
+
+    def wanted(self) -> int:
+        """Return how many scenes are wanted."""
+        if self.source.split is not None:
+            return self.scenes
+        return self.scenes_per_mug * len(self.source.names())
+
+    def evaluation(
+        self,
+        make_detector: DetectorMaker,
+        detector: dict[str, Any],
+        tasks: tuple[PoseTask, ...],
+        layout: Layout,
+    ) -> Evaluation:
+        """Return the evaluation of a detector on these scenes, see `Evaluation`."""
+        options = EvalOptions(self.physics_scenes, self.noise_m, self.seed)
+        subjects = EvalMugs(self.source, layout)
+        return Evaluation(make_detector, detector, tasks, subjects, options, self.wanted())
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateConfig(MugEvalOptions):
     """An evaluation.
 
     Attributes:
@@ -57,7 +106,7 @@ class EvaluateConfig(EvalOptions):
 def require_shippable(info: CheckpointInfo, allow_dirty: bool) -> None:
     """Exit where nobody could tell what source trained a checkpoint."""
     for commit in (*info.earlier_commits, info.commit):
-        if commit == "unknown":
+        if commit == UNKNOWN_COMMIT:
             raise SystemExit("the checkpoint's commit is unknown: train it from a git checkout")
         if commit.endswith("-dirty") and not allow_dirty:
             raise SystemExit(
@@ -94,20 +143,20 @@ def main(config: EvaluateConfig) -> None:
         require_shippable(info, config.allow_dirty)
     if not config.allow_training_data:
         require_unseen(config.mugs)
-    metrics = evaluate(
+    evaluation = config.evaluation(
         partial(SplitDetector.from_checkpoint, checkpoint),
         describe_detector(checkpoint, info),
-        config,
-        config.out,
-        config.workers,
-        console,
+        info.tasks,
+        Layout(workspace=info.workspace),
     )
-    console.print(metrics_table(metrics), calibration_table(metrics))
-    if not config.of_split:
-        console.print(mugs_table(metrics))
+    metrics = evaluate(evaluation, config.out, config.workers, console)
+    names = [task.name for task in info.tasks]
+    console.print(metrics_table(metrics, names), calibration_table(metrics, names))
+    if config.source.split is None:
+        console.print(subjects_table(metrics, names))
     console.print(f"median time of a detection on one thread: {metrics['median_detect_s']:.2f} s")
     if config.ship is not None:
-        shown = {key: value for key, value in metrics.items() if key != "by_mug"}
+        shown = {key: value for key, value in metrics.items() if key != "by_subject"}
         save_checkpoint(config.ship, network, replace(info, metrics=shown))
 
 

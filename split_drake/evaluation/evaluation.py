@@ -5,7 +5,8 @@ and, once all scenes are there, metrics.json, reliability.png and errors.png.  O
 goes on where it was.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,12 @@ from rich.console import Console
 from split_drake.evaluation.examiner import DetectorMaker, Examiner
 from split_drake.evaluation.plots import plot_errors, plot_reliability
 from split_drake.evaluation.record import SceneRecord
-from split_drake.evaluation.scenes import EvalMugs, EvalOptions
+from split_drake.evaluation.scenes import EvalOptions, EvalSubjects
 from split_drake.evaluation.summary import summarize
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.run import RunFolder, as_json
 from split_drake.files import write_json
+from split_drake.pose_task import GRASP, PoseTask
 
 SCENES = "scenes.jsonl"
 METRICS = "metrics.json"
@@ -29,21 +31,57 @@ METRICS = "metrics.json"
 _examiners: list[Examiner] = []
 
 
-def _start_worker(make_detector: DetectorMaker, options: EvalOptions) -> None:
+def _start_worker(make_examiner: Callable[[], Examiner]) -> None:
     # One thread each: the workers share the cores, and a sum's order does not depend on them.
     torch.set_num_threads(1)
-    _examiners.append(Examiner(make_detector(), EvalMugs(options), options))
+    _examiners.append(make_examiner())
 
 
 def _examine(index: int) -> SceneRecord:
     return _examiners[0].examine(index)
 
 
+@dataclass(frozen=True)
+class Evaluation:
+    """What is evaluated, and on what; pickled by worker processes.
+
+    Attributes:
+        make_detector: called in each worker.
+        detector: JSON values that tell this detector from others.
+        tasks: that it is asked for.
+        subjects: the objects.
+        options: of the scenes.
+        scenes: how many.
+    """
+
+    make_detector: DetectorMaker
+    detector: dict[str, Any]
+    tasks: tuple[PoseTask, ...]
+    subjects: EvalSubjects
+    options: EvalOptions
+    scenes: int
+
+    def question(self) -> dict[str, Any]:
+        """Return what each scene's record depends on: all but how many there are."""
+        return as_json(
+            {
+                **asdict(self.options),
+                **self.subjects.config(),
+                "tasks": [asdict(task) for task in self.tasks],
+                "detector": self.detector,
+            }
+        )
+
+    def examiner(self) -> Examiner:
+        """Return what examines one scene after another."""
+        return Examiner(self.make_detector(), self.tasks, self.subjects, self.options)
+
+
 def _examine_all(
-    make_detector: DetectorMaker, options: EvalOptions, indices: Sequence[int], workers: int
+    evaluation: Evaluation, indices: Sequence[int], workers: int
 ) -> Iterator[SceneRecord]:
     """Yield a record for each scene, in order of completion."""
-    start_worker = partial(_start_worker, make_detector, options)
+    start_worker = partial(_start_worker, evaluation.examiner)
     return WorkerPool(_examine, workers, start_worker=start_worker).run(indices)
 
 
@@ -52,45 +90,35 @@ def evaluation_run(folder: Path) -> RunFolder[SceneRecord]:
     return RunFolder(folder, SCENES, SceneRecord.from_fields)
 
 
-def evaluate(
-    make_detector: DetectorMaker,
-    detector: dict[str, Any],
-    options: EvalOptions,
-    out: Path,
-    workers: int,
-    console: Console,
-) -> dict[str, Any]:
+def evaluate(evaluation: Evaluation, out: Path, workers: int, console: Console) -> dict[str, Any]:
     """Evaluate a detector, write all figures to the folder `out`, and return the metrics.
 
     Scenes that the folder holds already are not examined again; there may be more of them than
-    asked for, or fewer.
-
-    Args:
-        make_detector: called in each worker.
-        detector: JSON values that tell this detector from others.
-        options: the scenes.
-        workers: processes; the figures do not depend on them.
+    asked for, or fewer.  The figures do not depend on the number of workers.
 
     Raises AnotherRunError where the folder holds the records of other scenes or of another
     detector.
     """
-    question = as_json(
-        options.of_each_scene() | {"mugs_sha256": options.source.sha256(), "detector": detector}
-    )
+    question = evaluation.question()
     run = evaluation_run(out)
     run.claim(question)
-    wanted = range(EvalMugs(options).scenes())
+    wanted = range(evaluation.scenes)
     there = {record.index for record in run.records()}
     missing = [index for index in wanted if index not in there]
-    run.collect(_examine_all(make_detector, options, missing, workers), len(missing), console)
+    run.collect(_examine_all(evaluation, missing, workers), len(missing), console)
     records = {record.index: record for record in run.records()}
-    return _report([records[index] for index in wanted], question, out)
+    if not records.keys() >= set(wanted):
+        raise KeyboardInterrupt  # which ended the collecting
+    return _report([records[index] for index in wanted], evaluation.tasks, question, out)
 
 
-def _report(records: list[SceneRecord], question: dict[str, Any], out: Path) -> dict[str, Any]:
+def _report(
+    records: list[SceneRecord], tasks: Sequence[PoseTask], question: dict[str, Any], out: Path
+) -> dict[str, Any]:
     """Write metrics and pictures, and return the metrics."""
-    metrics = {**summarize(records), **question}
+    names = [task.name for task in tasks]
+    metrics = {**summarize(records, names), **question}
     write_json(out / METRICS, metrics)
-    plot_reliability(metrics, out / "reliability.png")
-    plot_errors(records, out / "errors.png")
+    plot_reliability(metrics, names, out / "reliability.png")
+    plot_errors(records, [name for name in names if name != GRASP.name], out / "errors.png")
     return metrics

@@ -8,17 +8,26 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from split_drake.grasps.judge import GraspJudge, feasible
-from split_drake.poses import Array, invert_pose, rotation_error_rad
+from split_drake.pose_task import Symmetry
+from split_drake.poses import Array, invert_pose
 
 GOOD_POSITION_M = 0.01
 GOOD_ROTATION_RAD = np.radians(15.0)
 
+# A true grasp is covered by one within this distance and angle.
+NEAR_POSITION_M = 0.02
+NEAR_ROTATION_RAD = np.radians(20.0)
+
+# R Rot_z(pi) is the same grasp as R; its columns x and y change their signs.
+_TURNS = (np.ones(9), np.array([-1.0, -1.0, 1.0] * 3))
+
 
 @dataclass(frozen=True)
 class Judgement:
-    """How poses (N) compare with equivalent true ones.
+    """How poses (N) compare with true ones.
 
     Attributes:
         good: (N,) whether each is.
@@ -32,7 +41,7 @@ class Judgement:
 
 @dataclass(frozen=True)
 class GraspJudgement:
-    """How grasps (N) fare geometrically, as the object lies.
+    """What geometry says of grasps (N), as the object lies.
 
     Attributes:
         good: (N,) whether each is reachable and holds.
@@ -45,10 +54,13 @@ class GraspJudgement:
     openings_m: Array
 
 
-def judge_poses(X_WPs: Array, X_WTruths: Array) -> Judgement:
-    """Compare poses (N, 4, 4) with equivalent true poses (M, 4, 4), each with the nearest."""
+def judge_poses(X_WPs: Array, X_WTruths: Array, symmetry: Symmetry) -> Judgement:
+    """Compare poses (N, 4, 4) with true poses (M, 4, 4), each with the nearest.
+
+    Poses that mean the same by the symmetry count as one.
+    """
     position = np.linalg.norm(X_WPs[:, None, :3, 3] - X_WTruths[None, :, :3, 3], axis=-1)
-    rotation = rotation_error_rad(X_WPs[:, None, :3, :3], X_WTruths[None, :, :3, :3])
+    rotation = symmetry.rotation_error_rad(X_WPs[:, None, :3, :3], X_WTruths[None, :, :3, :3])
     good = (position < GOOD_POSITION_M) & (rotation < GOOD_ROTATION_RAD)
     nearest = np.argmin(position / GOOD_POSITION_M + rotation / GOOD_ROTATION_RAD, axis=1)
     rows = np.arange(len(X_WPs))
@@ -85,3 +97,17 @@ def yaw_error_rad(R_WA: Array, R_WB: Array) -> Array:
     sine = R_AB[..., 1, 0] - R_AB[..., 0, 1]
     cosine = R_AB[..., 0, 0] + R_AB[..., 1, 1]
     return np.asarray(np.abs(np.arctan2(sine, cosine)))
+
+
+def covered(X_WTruths: Array, X_WGs: Array) -> NDArray[np.bool_]:
+    """Return (M,): whether one of the grasps (N, 4, 4) lies near each true one (M, 4, 4).
+
+    Near means within 2 cm and 20 degrees, half a turn about z counted as nothing.
+    """
+    if not len(X_WTruths) or not len(X_WGs):
+        return np.zeros(len(X_WTruths), dtype=bool)
+    near = cdist(X_WTruths[:, :3, 3], X_WGs[:, :3, 3]) <= NEAR_POSITION_M
+    R_truths, R_found = (X[:, :3, :3].reshape(-1, 9) for X in (X_WTruths, X_WGs))
+    traces = [(R_truths * turn) @ R_found.T for turn in _TURNS]
+    aligned = np.maximum(*traces) >= 1.0 + 2.0 * np.cos(NEAR_ROTATION_RAD)
+    return np.any(near & aligned, axis=1)

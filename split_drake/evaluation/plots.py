@@ -9,8 +9,6 @@ from matplotlib.figure import Figure
 
 from split_drake.evaluation.judgement import GOOD_POSITION_M, GOOD_ROTATION_RAD
 from split_drake.evaluation.record import SceneRecord
-from split_drake.pose_task import PoseTask
-from split_drake.split.network import TASKS
 
 # The errors that are shown of the tasks that have them: name, unit, what counts as good, shown to.
 _ERRORS = (
@@ -20,14 +18,14 @@ _ERRORS = (
 )
 
 
-def plot_reliability(metrics: Mapping[str, Any], path: Path) -> None:
+def plot_reliability(metrics: Mapping[str, Any], tasks: Sequence[str], path: Path) -> None:
     """Write how the share of good samples follows the score, above how many samples there are."""
     figure = Figure(figsize=(6.0, 6.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     above.plot([0, 1], [0, 1], color="0.7", linewidth=1)
-    for task in TASKS:
+    for task in tasks:
         for name, style in (("calibration", "-"), ("calibration_in_physics", "--")):
-            calibration = metrics[str(task)][name]
+            calibration = metrics[task][name]
             if calibration is None:
                 continue
             bins = calibration["bins"]
@@ -41,21 +39,27 @@ def plot_reliability(metrics: Mapping[str, Any], path: Path) -> None:
     figure.savefig(path, dpi=150)
 
 
-def plot_errors(records: Sequence[SceneRecord], path: Path) -> None:
-    """Write how the errors of the top-ranked handle and upright poses are distributed.
+def plot_errors(records: Sequence[SceneRecord], tasks: Sequence[str], path: Path) -> None:
+    """Write how the errors of the top-ranked poses of some tasks are distributed.
 
-    Solid lines are scenes that show the handle, dashed ones scenes that don't.
+    Solid lines are scenes that show the object's feature, dashed ones scenes that don't.
     """
     figure = Figure(figsize=(11.0, 4.0), layout="constrained")
     for axes, (name, label, good, limit) in zip(figure.subplots(1, 3), _ERRORS, strict=True):
-        for task, color in ((PoseTask.HANDLE, "C0"), (PoseTask.UPRIGHT, "C1")):
+        for number, task in enumerate(tasks):
             for visible, style in ((True, "-"), (False, "--")):
-                shown = [record for record in records if record.handle_visible == visible]
-                values = [record.tasks[task].values[name] for record in shown]
+                values = _errors(records, task, name, visible)
                 if values:
-                    group = "visible" if visible else "hidden"
-                    axes.ecdf(values, ls=style, color=color, label=f"{task}, handle {group}")
+                    group = task if visible else f"{task}, feature hidden"
+                    axes.ecdf(values, ls=style, color=f"C{number}", label=group)
         axes.axvline(good, color="0.7", linewidth=1)
         axes.set(xlabel=label, ylabel="share of scenes", xlim=(0, limit), ylim=(0, 1.02))
-    axes.legend(loc="lower right")
+        if axes.lines[1:]:
+            axes.legend(loc="lower right")
     figure.savefig(path, dpi=150)
+
+
+def _errors(records: Sequence[SceneRecord], task: str, name: str, visible: bool) -> list[float]:
+    """Return the error of that name in the scenes where there is one."""
+    values = [record.tasks[task].values for record in records if record.visible == visible]
+    return [each[name] for each in values if name in each]

@@ -7,8 +7,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from split_drake.data.handle_points import VISIBLE_HANDLE_POINTS
-from split_drake.pose_task import PoseTask
+from split_drake.data.object_scenes import feature_visible
 from split_drake.poses import Array
 
 
@@ -79,24 +78,26 @@ class SceneRecord:
 
     Attributes:
         index: of the scene, which with the seed says all about it.
-        mug: name of the shape.
-        handle_points: how many of the points without noise lie on the handle.
+        subject: name of the object.
+        feature_points: how many of the points without noise lie on the part that poses are told
+            by, as in `ObjectScene`.
         detect_s: wall time of the detection.
-        tasks: a record each.
+        tasks: {name: record}.
     """
 
     index: int
-    mug: str
-    handle_points: int
+    subject: str
+    feature_points: int
     detect_s: float
-    tasks: Mapping[PoseTask, TaskRecord]
+    tasks: Mapping[str, TaskRecord]
 
     @property
-    def handle_visible(self) -> bool:
-        return self.handle_points >= VISIBLE_HANDLE_POINTS
+    def visible(self) -> bool:
+        """Whether the part that poses are told by shows."""
+        return bool(feature_visible(self.feature_points))
 
     @classmethod
     def from_fields(cls, fields: Mapping[str, Any]) -> Self:
         """Return the record that a line of JSON holds."""
-        tasks = {PoseTask(t): TaskRecord.from_fields(f) for t, f in fields["tasks"].items()}
+        tasks = {name: TaskRecord.from_fields(f) for name, f in fields["tasks"].items()}
         return cls(**{**fields, "tasks": tasks})

@@ -1,25 +1,27 @@
-"""The mugs and scenes that a detector is evaluated on."""
+"""The objects and scenes that a detector is evaluated on."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 
-from split_drake.data.mug_scenes import MugScene, MugScenes
+from split_drake.data.object_scenes import ObjectScene, ObjectScenes
 from split_drake.data.rests import Rests, load_rests, settle
-from split_drake.evaluation.peg import PegTest
 from split_drake.grasps.free_hand import FreeHand
 from split_drake.grasps.judge import GraspJudge, feasible
 from split_drake.grasps.store import CheckedGrasps, load_checked_grasps
 from split_drake.grasps.visibility import GraspVisibility
 from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.mug_source import MugSource
-from split_drake.objects.mugs.split import load_mug
+from split_drake.objects.peg_test import PegTest
+from split_drake.objects.task_object import TaskObject
 from split_drake.poses import Array
+from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
 
-# As many for a mug from a file as are stored of the splits' mugs.
+# As many for an object from a file as are stored of the splits' mugs.
 RESTS = 40
 
 
@@ -28,129 +30,128 @@ class EvalOptions:
     """What an evaluation's scenes are.
 
     Attributes:
-        mugs: "train", "test", or a folder of upright mesh files.
-        scenes: how many, spread evenly over the mugs of a split.
-        scenes_per_mug: how many of each mug of a folder.
         physics_scenes: in how many of the first scenes grasps are tried in physics.
         noise_m: standard deviation of the noise on the points.
         seed: of all draws; with the number of a scene it says all about the scene.
     """
 
-    mugs: str = "test"
-    scenes: int = 2000
-    scenes_per_mug: int = 200
     physics_scenes: int = 0
     noise_m: float = 0.005
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name, least in (("scenes", 1), ("scenes_per_mug", 1), ("physics_scenes", 0)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} is {getattr(self, name)}; expected at least {least}")
+        if self.physics_scenes < 0:
+            raise ValueError(f"physics_scenes is {self.physics_scenes}; expected at least 0")
         if not self.noise_m >= 0.0:
             raise ValueError(
                 f"noise_m is {self.noise_m}; expected a standard deviation >= 0 in metres"
             )
-        MugSource(self.mugs)
-
-    @property
-    def source(self) -> MugSource:
-        """Where the mugs come from."""
-        return MugSource(self.mugs)
-
-    @property
-    def of_split(self) -> bool:
-        """Whether the mugs are those of a fixed split."""
-        return self.source.folder is None
-
-    def of_each_scene(self) -> dict[str, Any]:
-        """Return what each scene's record depends on: all but how many there are."""
-        options = asdict(self)
-        return {key: options[key] for key in ("mugs", "physics_scenes", "noise_m", "seed")}
 
 
 class TrueGrasps:
-    """The grasps of a mug that hold in physics, mirror images included."""
+    """The grasps of an object that hold in physics, its mirror images included."""
 
-    def __init__(self, shape: MugShape, grasps: CheckedGrasps) -> None:
-        every = grasps.with_mirror_images()
+    def __init__(self, subject: TaskObject, grasps: CheckedGrasps) -> None:
+        every = grasps.with_mirror_images() if subject.mirrored else grasps
         self._X_OGs = every.X_OGs[every.holds]
         self._openings_m = every.openings_m[every.holds]
-        self._visibility = GraspVisibility(shape.body.mesh, self._X_OGs, self._openings_m)
+        self._visibility = GraspVisibility(subject.body.mesh, self._X_OGs, self._openings_m)
 
-    def in_scene(self, scene: MugScene) -> Array:
-        """Return those (M, 4, 4), as X_WG, that are feasible and visible in a scene of the mug."""
+    def in_scene(self, scene: ObjectScene) -> Array:
+        """Return those (M, 4, 4), as X_WG, that are feasible and visible in a scene."""
         possible = feasible(scene.X_WO, self._X_OGs, self._openings_m)
         possible &= self._visibility.visible(scene.X_WO, scene.p_WPs)
         return scene.X_WO @ self._X_OGs[possible]
 
 
-class EvalMug:
-    """A mug, the scenes it appears in, and what judges detected poses of it.
+class EvalSubject:
+    """An object, the scenes it appears in, and what judges detected poses of it.
 
     Attributes:
-        shape: the mug.
+        shape: the object.
         true_grasps: None where they are not known.
     """
 
-    def __init__(self, shape: MugShape, rests: Rests, true_grasps: TrueGrasps | None) -> None:
+    def __init__(
+        self, shape: TaskObject, rests: Rests, layout: Layout, true_grasps: TrueGrasps | None
+    ) -> None:
         self.shape = shape
         self.true_grasps = true_grasps
-        self._scenes = MugScenes(shape, rests, Layout(), randomization=None)
+        self._scenes = ObjectScenes(shape, rests, layout, randomization=None)
 
     @classmethod
-    def of_split(cls, name: str) -> Self:
-        """Return the mug `name` of a fixed split."""
-        shape = load_mug(name)
-        return cls(shape, load_rests(name), TrueGrasps(shape, load_checked_grasps(name)))
-
-    @classmethod
-    def settled(cls, shape: MugShape, rng: np.random.Generator) -> Self:
-        """Return a mug of which neither rests nor grasps are stored; dropping it takes seconds."""
-        return cls(shape, settle(shape.body, RESTS, rng), true_grasps=None)
+    def settled(cls, shape: TaskObject, layout: Layout, rng: np.random.Generator) -> Self:
+        """Return an object of which neither rests nor grasps are stored; dropping takes seconds."""
+        rests = settle(shape.body, RESTS, rng, StationConfig(layout=layout))
+        return cls(shape, rests, layout, true_grasps=None)
 
     @cached_property
     def judge(self) -> GraspJudge:
         return GraspJudge(self.shape.body.mesh)
 
     @cached_property
-    def peg(self) -> PegTest:
-        return PegTest(self.shape)
+    def peg(self) -> PegTest | None:
+        """What tries pegs in a mug's handle; None for other objects."""
+        return PegTest(self.shape) if isinstance(self.shape, MugShape) else None
 
     @cached_property
     def hand(self) -> FreeHand:
         return FreeHand(self.shape.body)
 
-    def draw(self, rng: np.random.Generator) -> MugScene:
+    def draw(self, rng: np.random.Generator) -> ObjectScene:
         """Return a scene, drawn as a scenario draws its starts and seen by its cameras."""
         return self._scenes.draw(rng)
 
 
+class EvalSubjects(Protocol):
+    """The objects of an evaluation; pickled by worker processes."""
+
+    @property
+    def layout(self) -> Layout:
+        """Of the cameras and the workspace."""
+        ...
+
+    def names(self) -> Sequence[str]:
+        """Return the names of all objects."""
+        ...
+
+    def make(self, number: int, seed: int) -> EvalSubject:
+        """Return object `number`; what it draws depends on the seed and the number alone."""
+        ...
+
+    def config(self) -> dict[str, Any]:
+        """Return what tells these objects and their scenes from others, as JSON values."""
+        ...
+
+
+@dataclass(frozen=True)
 class EvalMugs:
-    """All mugs of an evaluation, made when they are first wanted."""
+    """Mugs of a fixed split, or of a folder of upright mesh files.
 
-    def __init__(self, options: EvalOptions) -> None:
-        self._options = options
-        self._made: dict[int, EvalMug] = {}
+    Attributes:
+        source: of the mugs.
+        layout: of the cameras and the workspace.
+    """
 
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        return self._options.source.names()
+    source: MugSource
+    layout: Layout
 
-    def scenes(self) -> int:
-        """Return how many scenes are wanted."""
-        options = self._options
-        return options.scenes if options.of_split else options.scenes_per_mug * len(self.names)
+    def names(self) -> Sequence[str]:
+        """Return the names of all mugs."""
+        return self.source.names()
 
-    def of_scene(self, index: int) -> EvalMug:
-        """Return the mug of scene `index`: they take turns."""
-        number = index % len(self.names)
-        if number not in self._made:
-            self._made[number] = self._make(number)
-        return self._made[number]
+    def make(self, number: int, seed: int) -> EvalSubject:
+        """Return mug `number`: the rests and grasps of a split's are stored."""
+        shape, split = self.source.load(self.names()[number]), self.source.split
+        if split is None:
+            return EvalSubject.settled(shape, self.layout, np.random.default_rng([seed, number]))
+        grasps = TrueGrasps(shape, load_checked_grasps(split, shape.name))
+        return EvalSubject(shape, load_rests(split, shape.name), self.layout, grasps)
 
-    def _make(self, number: int) -> EvalMug:
-        if self._options.of_split:
-            return EvalMug.of_split(self.names[number])
-        shape = self._options.source.load(self.names[number])
-        return EvalMug.settled(shape, np.random.default_rng([self._options.seed, number]))
+    def config(self) -> dict[str, Any]:
+        """Return what tells these mugs and their scenes from others."""
+        return {
+            "mugs": self.source.where,
+            "mugs_sha256": self.source.sha256(),
+            "workspace": asdict(self.layout.workspace),
+        }

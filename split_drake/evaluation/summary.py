@@ -1,4 +1,4 @@
-"""What the records of an evaluation come to: figures by task and by whether the handle shows."""
+"""What the records of an evaluation come to: figures by task, and by whether the feature shows."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,8 +9,6 @@ from rich.table import Column, Table
 from split_drake.evaluation.calibration import area_under_curve, reliability
 from split_drake.evaluation.record import SceneRecord, Scored, TaskRecord
 from split_drake.experiments.statistics import Rate
-from split_drake.pose_task import PoseTask
-from split_drake.split.network import TASKS
 
 Figures = dict[str, Any]
 
@@ -38,11 +36,11 @@ def pooled(tallies: Sequence[tuple[int, int]]) -> Figures | None:
 
 
 def groups(records: Sequence[SceneRecord]) -> dict[str, list[SceneRecord]]:
-    """Return all records, those of scenes that show the handle, and those that don't."""
+    """Return all records, those of scenes that show the object's feature, and those that don't."""
     return {
         "all": list(records),
-        "visible": [record for record in records if record.handle_visible],
-        "hidden": [record for record in records if not record.handle_visible],
+        "visible": [record for record in records if record.visible],
+        "hidden": [record for record in records if not record.visible],
     }
 
 
@@ -72,7 +70,7 @@ def calibration(samples: Sequence[Scored]) -> Figures | None:
     }
 
 
-def summarize_task(records: Sequence[SceneRecord], task: PoseTask) -> Figures:
+def summarize_task(records: Sequence[SceneRecord], task: str) -> Figures:
     """Return {measure: {group: figures}} of a task, and the evaluator's calibration.
 
     Shares are of scenes, unless they are pooled over samples or true poses; values are medians over
@@ -91,7 +89,7 @@ def summarize_task(records: Sequence[SceneRecord], task: PoseTask) -> Figures:
         }
     for name in _names(everything, "values"):
         figures[f"median_{name}"] = {
-            group: float(np.median([r.values[name] for r in members])) if members else None
+            group: _median([r.values[name] for r in members if name in r.values])
             for group, members in by_group.items()
         }
     for name in _names(everything, "tallies"):
@@ -104,26 +102,32 @@ def summarize_task(records: Sequence[SceneRecord], task: PoseTask) -> Figures:
     return figures
 
 
-def summarize(records: Sequence[SceneRecord]) -> Figures:
-    """Return the metrics of all tasks over at least one scene."""
-    by_mug: dict[str, list[SceneRecord]] = {}
+def _median(values: Sequence[float]) -> float | None:
+    return float(np.median(values)) if values else None
+
+
+def summarize(records: Sequence[SceneRecord], tasks: Sequence[str]) -> Figures:
+    """Return the metrics of tasks, given by their names, over at least one scene."""
+    by_subject: dict[str, list[SceneRecord]] = {}
     for record in records:
-        by_mug.setdefault(record.mug, []).append(record)
+        by_subject.setdefault(record.subject, []).append(record)
     return {
-        **{str(task): summarize_task(records, task) for task in TASKS},
+        **{task: summarize_task(records, task) for task in tasks},
         "scenes": {group: len(members) for group, members in groups(records).items()},
         "median_detect_s": float(np.median([record.detect_s for record in records])),
-        "by_mug": {name: _of_mug(members) for name, members in sorted(by_mug.items())},
+        "by_subject": {
+            name: _of_subject(members, tasks) for name, members in sorted(by_subject.items())
+        },
     }
 
 
-def _of_mug(records: Sequence[SceneRecord]) -> Figures:
-    """Return {task: {check: {group: share}}} of one mug."""
+def _of_subject(records: Sequence[SceneRecord], tasks: Sequence[str]) -> Figures:
+    """Return {task: {check: {group: share}}} of one object."""
     figures: Figures = {}
-    for task in TASKS:
+    for task in tasks:
         everything = summarize_task(records, task)
         checks = _names([record.tasks[task] for record in records], "checks")
-        figures[str(task)] = {name: everything[name] for name in checks}
+        figures[task] = {name: everything[name] for name in checks}
     return figures
 
 
@@ -139,13 +143,13 @@ def format_figure(figure: Any) -> str:
     return f"{figure['share']:.1%} [{low:.1f}, {high:.1f}]  {figure['hits']}/{figure['scenes']}"
 
 
-def metrics_table(metrics: Mapping[str, Any]) -> Table:
-    """Return the metrics as a table with a column for each group of scenes."""
+def metrics_table(metrics: Mapping[str, Any], tasks: Sequence[str]) -> Table:
+    """Return the metrics of tasks as a table with a column for each group of scenes."""
     scenes = metrics["scenes"]
     table = Table(Column("", no_wrap=True), *(f"{scenes[group]} {group}" for group in scenes))
-    for task in TASKS:
+    for task in tasks:
         table.add_section()
-        for name, figures in metrics[str(task)].items():
+        for name, figures in metrics[task].items():
             if name.startswith("calibration"):
                 continue
             cells = (format_figure(figures[group]) for group in scenes)
@@ -153,31 +157,35 @@ def metrics_table(metrics: Mapping[str, Any]) -> Table:
     return table
 
 
-def calibration_table(metrics: Mapping[str, Any]) -> Table:
+def calibration_table(metrics: Mapping[str, Any], tasks: Sequence[str]) -> Table:
     """Return how well the evaluator's scores tell good samples, a row a task."""
     table = Table("evaluator", "samples", "AUC", "expected calibration error")
-    for task in TASKS:
+    for task in tasks:
         for name in ("calibration", "calibration_in_physics"):
-            figures = metrics[str(task)][name]
+            figures = metrics[task][name]
             if figures is not None:
-                label = f"{task}, in physics" if name.endswith("physics") else str(task)
+                label = f"{task}, in physics" if name.endswith("physics") else task
                 auc, error = format_figure(figures["auc"]), f"{figures['expected_error']:.3f}"
                 table.add_row(label, str(figures["samples"]), auc, error)
     return table
 
 
-MUG_COLUMNS = (
-    (PoseTask.HANDLE, "top_good", "visible"),
-    (PoseTask.HANDLE, "peg_clear_axis", "visible"),
-    (PoseTask.UPRIGHT, "axis_good", "all"),
-    (PoseTask.GRASP, "top_good", "all"),
+# What is told of each object: a task, a check, and the scenes it is told of.
+SUBJECT_COLUMNS = (
+    ("handle", "top_good", "visible"),
+    ("handle", "peg_clear_axis", "visible"),
+    ("upright", "axis_good", "all"),
+    ("grasp", "top_good", "all"),
 )
 
 
-def mugs_table(metrics: Mapping[str, Any]) -> Table:
-    """Return the main shares of each mug."""
-    table = Table("mug", *(f"{task} {name}, {group}" for task, name, group in MUG_COLUMNS))
-    for mug, figures in metrics["by_mug"].items():
-        cells = [figures[str(task)][name][group] for task, name, group in MUG_COLUMNS]
-        table.add_row(mug, *map(format_figure, cells))
+def subjects_table(metrics: Mapping[str, Any], tasks: Sequence[str]) -> Table:
+    """Return the main shares of each object: those that tasks have of their own, or `top_good`."""
+    columns = [column for column in SUBJECT_COLUMNS if column[0] in tasks]
+    own = {task for task, _, _ in SUBJECT_COLUMNS}
+    columns += [(task, "top_good", "all") for task in tasks if task not in own]
+    table = Table("object", *(f"{task} {name}, {group}" for task, name, group in columns))
+    for subject, figures in metrics["by_subject"].items():
+        cells = [figures[task][name][group] for task, name, group in columns]
+        table.add_row(subject, *map(format_figure, cells))
     return table

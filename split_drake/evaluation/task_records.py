@@ -1,18 +1,23 @@
-"""How a task's samples in one scene fare: the top-ranked one, the accepted ones, and all."""
+"""How a task's samples in one scene are judged: the top-ranked, the accepted ones, and all.
 
-from collections.abc import Mapping
+Every task is judged by how near its poses are to true ones, its symmetry taken into account.
+Grasps, handles and upright poses have more to pass: see `JUDGES`.
+"""
+
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from split_drake.data.mug_scenes import MugScene
-from split_drake.evaluation.coverage import covered
+from split_drake.data.object_scenes import ObjectScene
 from split_drake.evaluation.judgement import (
     GOOD_POSITION_M,
     GOOD_ROTATION_RAD,
     GraspJudgement,
+    Judgement,
+    covered,
     direction_error_rad,
     judge_grasps,
     judge_poses,
@@ -20,10 +25,11 @@ from split_drake.evaluation.judgement import (
     yaw_error_rad,
 )
 from split_drake.evaluation.record import Scored, TaskRecord
-from split_drake.evaluation.scenes import EvalMug
+from split_drake.evaluation.scenes import EvalSubject
 from split_drake.grasps.free_hand import Fault, FreeHand
+from split_drake.pose_set import ScoredPoses
+from split_drake.pose_task import GRASP, HANDLE, UPRIGHT, PoseTask
 from split_drake.poses import Array
-from split_drake.split.detector import ScoredSamples
 
 # So many accepted grasps a scene are wanted, and so many of them are tried in physics.
 WANTED_GRASPS = 30
@@ -38,14 +44,14 @@ class Ranking:
 
     Attributes:
         samples: the samples (N).
-        accepted: (N,) whether the evaluator accepts each.
-        top: index of the top-ranked one.
+        accepted: (N,) whether each is accepted.
+        top: index of the top-ranked one; None without samples.
     """
 
-    def __init__(self, samples: ScoredSamples, threshold: float) -> None:
+    def __init__(self, samples: ScoredPoses, threshold: float) -> None:
         self.samples = samples
         self.accepted: NDArray[np.bool_] = samples.scores >= threshold
-        self.top = int(np.argmax(samples.scores))
+        self.top = int(np.argmax(samples.scores)) if len(samples.scores) else None
 
     def record(
         self,
@@ -56,14 +62,18 @@ class Ranking:
         """Return the record of the top-ranked sample and of all.
 
         Args:
-            good, checks: (N,) flags of all samples; a rejected top-ranked one passes no check.
-            values: (N,) figures of all samples.
+            good, checks: (N,) flags of all samples; a rejected top-ranked one passes no check, and
+                none is passed without samples.
+            values: (N,) figures of all samples; of none there are none.
         """
         top, accepted = self.top, self.accepted
         flags = {"top_good": good, **checks}
-        figures = {name: float(value[top]) for name, value in values.items()}
+        figures = {} if top is None else {name: float(v[top]) for name, v in values.items()}
         return TaskRecord(
-            checks={name: bool(flag[top] and accepted[top]) for name, flag in flags.items()},
+            checks={
+                name: top is not None and bool(flag[top] and accepted[top])
+                for name, flag in flags.items()
+            },
             values={**figures, "accepted": float(accepted.sum())},
             tallies={"samples_good": tally(good), "accepted_good": tally(good[accepted])},
             samples=Scored.of(self.samples.scores, good),
@@ -75,58 +85,104 @@ def tally(flags: NDArray[np.bool_]) -> tuple[int, int]:
     return int(flags.sum()), len(flags)
 
 
-def record_handles(ranking: Ranking, mug: EvalMug, X_WO: Array) -> TaskRecord:
-    """Judge handle poses of a mug at X_WO (4, 4)."""
-    X_WHs, X_WTruths = ranking.samples.X_WPs, mug.shape.handle_poses(X_WO)
-    judgement = judge_poses(X_WHs, X_WTruths)
-    clear = mug.peg.clear(X_WO, X_WHs)
-    axis = line_error_rad(X_WHs[:, :3, 1], X_WTruths[0, :3, 1])
-    return ranking.record(
+@dataclass(frozen=True)
+class Question:
+    """What is to be judged: a task's samples in one scene.
+
+    Attributes:
+        task: whose poses they are.
+        ranking: the samples.
+        subject: the object.
+        scene: how it lies, and what is seen of it.
+        rng: chooses what is tried in physics; None where nothing is.
+    """
+
+    task: PoseTask
+    ranking: Ranking
+    subject: EvalSubject
+    scene: ObjectScene
+    rng: np.random.Generator | None
+
+    @property
+    def X_WPs(self) -> Array:
+        """(N, 4, 4): the samples."""
+        return self.ranking.samples.X_WPs
+
+    def judged(self) -> Judgement:
+        """Return how the samples compare with the true poses."""
+        truths = self.scene.X_WO @ self.subject.shape.poses_of(self.task)
+        return judge_poses(self.X_WPs, truths, self.task.symmetry)
+
+
+def record_task(question: Question) -> TaskRecord:
+    """Judge a task's samples in one scene."""
+    return JUDGES.get(question.task, record_poses)(question)
+
+
+def record_poses(question: Question) -> TaskRecord:
+    """Judge the poses of any task by how near they are to true ones."""
+    judgement = question.judged()
+    return question.ranking.record(judgement.good, checks={}, values=_errors(judgement))
+
+
+def _errors(judgement: Judgement) -> dict[str, Array]:
+    return {
+        "position_mm": 1000.0 * judgement.position_m,
+        "rotation_deg": np.degrees(judgement.rotation_rad),
+    }
+
+
+def record_handles(question: Question) -> TaskRecord:
+    """Judge handle poses of a mug, also by whether a peg along them would be clear of it."""
+    peg, X_WO, X_WHs = question.subject.peg, question.scene.X_WO, question.X_WPs
+    if peg is None:
+        return record_poses(question)
+    judgement = question.judged()
+    clear = peg.clear(X_WO, X_WHs)
+    X_WH = X_WO @ question.subject.shape.poses_of(HANDLE)[0]
+    axis = line_error_rad(X_WHs[:, :3, 1], X_WH[:3, 1])
+    return question.ranking.record(
         judgement.good,
         checks={"peg_clear": clear, "peg_clear_axis": clear & (axis < GOOD_ROTATION_RAD)},
-        values={
-            "position_mm": 1000.0 * judgement.position_m,
-            "rotation_deg": np.degrees(judgement.rotation_rad),
-            "axis_deg": np.degrees(axis),
-        },
+        values={**_errors(judgement), "axis_deg": np.degrees(axis)},
     )
 
 
-def record_uprights(ranking: Ranking, X_WO: Array) -> TaskRecord:
-    """Judge upright poses of a mug at X_WO (4, 4), the mug's axis apart from the yaw about it."""
-    X_WUs = ranking.samples.X_WPs
-    judgement = judge_poses(X_WUs, X_WO[None])
-    axis = direction_error_rad(X_WUs[:, :3, 2], X_WO[:3, 2])
-    yaw = yaw_error_rad(X_WUs[:, :3, :3], X_WO[:3, :3])
+def record_uprights(question: Question) -> TaskRecord:
+    """Judge upright poses of an object, its axis apart from the yaw about it."""
+    X_WUs = question.X_WPs
+    X_WU = question.scene.X_WO @ question.subject.shape.poses_of(UPRIGHT)[0]
+    judgement = question.judged()
+    axis = direction_error_rad(X_WUs[:, :3, 2], X_WU[:3, 2])
+    yaw = yaw_error_rad(X_WUs[:, :3, :3], X_WU[:3, :3])
     stands = (axis < GOOD_ROTATION_RAD) & (judgement.position_m < GOOD_POSITION_M)
-    return ranking.record(
+    return question.ranking.record(
         judgement.good,
         checks={"axis_good": stands, "axis_yaw_good": stands & (yaw < GOOD_ROTATION_RAD)},
         values={
-            "position_mm": 1000.0 * judgement.position_m,
-            "rotation_deg": np.degrees(judgement.rotation_rad),
+            **_errors(judgement),
             "axis_deg": np.degrees(axis),
             "yaw_deg": np.degrees(yaw),
         },
     )
 
 
-def record_grasps(
-    ranking: Ranking, mug: EvalMug, scene: MugScene, rng: np.random.Generator | None
-) -> TaskRecord:
-    """Judge grasps of a mug; where there is an `rng` to choose some, these are tried in physics."""
-    X_WGs, accepted = ranking.samples.X_WPs, ranking.accepted
-    judgement = judge_grasps(X_WGs, mug.judge, scene.X_WO)
+def record_grasps(question: Question) -> TaskRecord:
+    """Judge grasps of an object by geometry, and some in physics where the question says so."""
+    ranking, subject, scene = question.ranking, question.subject, question.scene
+    X_WGs, accepted = question.X_WPs, ranking.accepted
+    judgement = judge_grasps(X_WGs, subject.judge, scene.X_WO)
     record = ranking.record(judgement.good, checks={}, values={})
     checks = {**record.checks, "enough_accepted": int(accepted.sum()) >= WANTED_GRASPS}
     tallies = dict(record.tallies)
-    if mug.true_grasps is not None:
-        found = covered(mug.true_grasps.in_scene(scene), X_WGs[accepted])
+    if subject.true_grasps is not None:
+        found = covered(subject.true_grasps.in_scene(scene), X_WGs[accepted])
         tallies["coverage"] = tally(found)
     record = replace(record, checks=checks, tallies=tallies)
-    if rng is None:
+    if question.rng is None:
         return record
-    return _with_physics(record, ranking, GraspTrials(mug.hand, scene.X_WO, X_WGs, judgement), rng)
+    trials = GraspTrials(subject.hand, scene.X_WO, X_WGs, judgement)
+    return _with_physics(record, ranking, trials, question.rng)
 
 
 @dataclass(frozen=True)
@@ -137,7 +193,7 @@ class GraspTrials:
         hand: a free hand for the object.
         X_WO: (4, 4) pose of the object on the table.
         X_WGs: (N, 4, 4) the grasps.
-        judgement: how they fare geometrically.
+        judgement: of them by geometry.
     """
 
     hand: FreeHand
@@ -154,7 +210,7 @@ class GraspTrials:
         if not self.judgement.reachable[number]:
             return UNREACHABLE
         opening_m = float(self.judgement.openings_m[number])
-        return self.hand.hold_in_scene(self.X_WO, self.X_WGs[number], opening_m).fault
+        return self.hand.try_in_scene(self.X_WO, self.X_WGs[number], opening_m).fault
 
 
 def _with_physics(
@@ -165,7 +221,8 @@ def _with_physics(
     tried = rng.choice(accepted, min(TRIED_GRASPS, len(accepted)), replace=False)
     faults = [trials.fault(number) for number in tried]
     holds = np.array([not fault for fault in faults], dtype=bool)
-    top_holds = bool(ranking.accepted[ranking.top]) and not trials.fault(ranking.top)
+    top = ranking.top
+    top_holds = top is not None and bool(ranking.accepted[top]) and not trials.fault(top)
     by_fault = {f"tried_{fault}": (faults.count(fault), len(faults)) for fault in FAULTS}
     return replace(
         record,
@@ -173,3 +230,11 @@ def _with_physics(
         tallies={**record.tallies, "tried_holds": tally(holds), **by_fault},
         tried=Scored.of(ranking.samples.scores[tried], holds),
     )
+
+
+# Tasks that are judged by more than how near their poses are to true ones.
+JUDGES: Mapping[PoseTask, Callable[[Question], TaskRecord]] = {
+    GRASP: record_grasps,
+    HANDLE: record_handles,
+    UPRIGHT: record_uprights,
+}

@@ -147,10 +147,10 @@ class RunFolder(Generic[Record]):
                     self.append(record)
                     records.append(record)
                     if line := remark(record):
-                        progress.console.print(line)
+                        progress.console.print(line, markup=False)
                     progress.update(bar, advance=1, description=describe(records))
         except KeyboardInterrupt:
-            console.print(f"interrupted; --out {self.path} goes on from here")
+            console.print(f"interrupted; --out {self.path} goes on from here", markup=False)
 
 
 def json_line(record: "DataclassInstance") -> str:

@@ -20,8 +20,8 @@ from split_drake.grasps.free_hand import FreeHand
 from split_drake.grasps.judge import MIN_QUALITY, GraspJudge, opening_for
 from split_drake.grasps.sampling import antipodal_candidates, spread_evenly
 from split_drake.grasps.store import CheckedGrasps, read_store, store_path, write_store
-from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
+from split_drake.objects.rigid import RigidObject
 from split_drake.poses import Array
 
 # The first candidates are spread over all good ones, which takes many from where a hand just fits;
@@ -56,13 +56,13 @@ class CheckConfig:
             raise ValueError(f"per_mug is {self.per_mug}; expected 1 to {WIDE + STEADY}")
 
 
-def candidates(mug: MugShape, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+def candidates(body: RigidObject, rng: np.random.Generator) -> tuple[Array, Array, Array]:
     """Return grasps (N, 4, 4) to try, openings and qualities (N,): `WIDE` ones, then `STEADY` ones.
 
     They are free of collisions and of at least MIN_QUALITY; where fewer are, there are fewer.
     """
-    judge = GraspJudge(mug.body.mesh)
-    X_OGs, widths = antipodal_candidates(mug.body.mesh, POINTS, TURNS, rng)
+    judge = GraspJudge(body.mesh)
+    X_OGs, widths = antipodal_candidates(body.mesh, POINTS, TURNS, rng)
     openings = opening_for(widths)
     qualities = judge.qualities(X_OGs, openings)
     firm = np.flatnonzero(qualities >= MIN_QUALITY)
@@ -75,11 +75,11 @@ def candidates(mug: MugShape, rng: np.random.Generator) -> tuple[Array, Array, A
     return X_OGs[chosen], openings[chosen], qualities[chosen]
 
 
-def check(mug: MugShape, rng: np.random.Generator, known: int, count: int) -> CheckedGrasps:
-    """Try the mug's candidates from number `known` to `count`."""
-    X_OGs, openings, qualities = (array[known:count] for array in candidates(mug, rng))
-    hand = FreeHand(mug.body)
-    holds = [hand.hold(X_OG, opening) for X_OG, opening in zip(X_OGs, openings, strict=True)]
+def check(body: RigidObject, rng: np.random.Generator, known: int, count: int) -> CheckedGrasps:
+    """Try the object's candidates from number `known` to `count`."""
+    X_OGs, openings, qualities = (array[known:count] for array in candidates(body, rng))
+    hand = FreeHand(body)
+    holds = [hand.try_grasp(X_OG, opening) for X_OG, opening in zip(X_OGs, openings, strict=True)]
     return CheckedGrasps(
         X_OGs=X_OGs,
         openings_m=openings,
@@ -105,11 +105,11 @@ def _part_path(config: CheckConfig, name: str) -> Path:
 
 def check_mug(config: CheckConfig, name: str) -> str:
     """Try what is missing of one mug, write its outcomes atomically, and return its name."""
-    path, sha256 = _part_path(config, name), mugs_sha256(config.mugs)
+    path, sha256, mug = _part_path(config, name), mugs_sha256(config.mugs), load_mug(name)
     before = read_store(path, sha256)[name] if path.exists() else None
     known = 0 if before is None else len(before)
-    rng = np.random.default_rng([int(name.rpartition("_")[2]), config.mugs == "test"])
-    tried = check(load_mug(name), rng, known, config.per_mug)
+    rng = np.random.default_rng([mug.number, mug.split == "test"])
+    tried = check(mug.body, rng, known, config.per_mug)
     grasps = tried if before is None else _join(before, tried)
     write_store(path, {name: grasps}, sha256)
     return name

@@ -42,11 +42,11 @@ SHAKE_S = 0.3
 SHAKE_HZ = (4.0, 5.0, 6.5)
 LIFT_M_S2 = 3.0
 _STEP_S = 0.01
-_KEEP_STEP_S = 0.1
+_STILL_STEP_S = 0.1
 
 
 @dataclass(frozen=True)
-class Hold:
+class GraspOutcome:
     """What became of an object in the hand.
 
     Attributes:
@@ -67,11 +67,11 @@ class Hold:
 
 
 @dataclass(frozen=True)
-class Keep:
+class HoldingOutcome:
     """What became of an object that a hand keeps still.
 
     Attributes:
-        fault: as in `Hold`.
+        fault: as in `GraspOutcome`.
         penetration_m: the deepest that a pad and the object overlapped.
         slip_m: how far the object's origin O moved in the hand at most, once gravity acted.
         turn_rad: how far it turned at most.
@@ -85,8 +85,8 @@ class Keep:
     simulated_s: float
 
 
-def _failed(fault: Fault) -> Hold:
-    return Hold(fault, float("inf"), float("inf"))
+def _failed(fault: Fault) -> GraspOutcome:
+    return GraspOutcome(fault, float("inf"), float("inf"))
 
 
 class FreeHand:
@@ -96,7 +96,7 @@ class FreeHand:
         self._rig = HandRig(body, config)
         self._mass_kg = body.mass_kg
 
-    def hold(self, X_OG: Array, opening_m: float) -> Hold:
+    def try_grasp(self, X_OG: Array, opening_m: float) -> GraspOutcome:
         """Try a grasp X_OG (4, 4) without a table, gravity turning about the closed hand.
 
         Gravity comes from where the palm is, then from both sides (along x_G, about the axis that
@@ -106,7 +106,7 @@ class FreeHand:
         self._rig.reset(invert_pose(X_OG), opening_m)
         return self._try(opening_m, np.zeros(3), _turns_and_shakes())
 
-    def hold_in_scene(self, X_WO: Array, X_WG: Array, opening_m: float) -> Hold:
+    def try_in_scene(self, X_WO: Array, X_WG: Array, opening_m: float) -> GraspOutcome:
         """Try a grasp X_WG (4, 4) of the object that rests on the table at X_WO (4, 4).
 
         The hand closes, lifts and shakes it, keeping its orientation.
@@ -117,7 +117,9 @@ class FreeHand:
         down_G = -GRAVITY_M_S2 * R_GW[:, 2]
         return self._try(opening_m, down_G, (R_GW @ a_W for a_W in _lift_and_shakes()))
 
-    def keep(self, X_OG: Array, opening_m: float, down_G: Array, duration_s: float) -> Keep:
+    def hold_still(
+        self, X_OG: Array, opening_m: float, down_G: Array, duration_s: float
+    ) -> HoldingOutcome:
         """Close by a grasp X_OG (4, 4) and hold the object still for a while.
 
         Gravity points along the unit vector `down_G` (3,).  What moves too far ends it early.
@@ -126,21 +128,21 @@ class FreeHand:
         self._close(self._close_freely(opening_m), np.zeros(3))
         depth_m, weight_G = self._rig.pad_penetration_m(), self._mass_kg * GRAVITY_M_S2 * down_G
         if self._rig.fingers_touching() < 2:
-            return Keep("empty", depth_m, float("inf"), float("inf"), self._rig.time_s)
+            return HoldingOutcome("empty", depth_m, float("inf"), float("inf"), self._rig.time_s)
         self._rig.advance(SETTLE_S, SQUEEZE_M, weight_G)
         X_GOHeld, slip_m, turn_rad = self._rig.X_GO, 0.0, 0.0
         fault: Fault = ""
         end_s = self._rig.time_s + duration_s
         while self._rig.time_s < end_s - 1e-9 and not fault:
-            self._rig.advance(_KEEP_STEP_S, SQUEEZE_M, weight_G)
+            self._rig.advance(_STILL_STEP_S, SQUEEZE_M, weight_G)
             X_GO, depth_m = self._rig.X_GO, max(depth_m, self._rig.pad_penetration_m())
             slip_m = max(slip_m, float(np.linalg.norm(X_GO[:3, 3] - X_GOHeld[:3, 3])))
             turn_rad = max(turn_rad, float(rotation_error_rad(X_GO[:3, :3], X_GOHeld[:3, :3])))
             if slip_m > MAX_SLIP_M or turn_rad > MAX_TURN_RAD:
                 fault = "slipped"
-        return Keep(fault, depth_m, slip_m, turn_rad, self._rig.time_s)
+        return HoldingOutcome(fault, depth_m, slip_m, turn_rad, self._rig.time_s)
 
-    def _try(self, opening_m: float, closing_G: Array, carrying_G: Iterator[Array]) -> Hold:
+    def _try(self, opening_m: float, closing_G: Array, carrying_G: Iterator[Array]) -> GraspOutcome:
         """Close, then carry; `closing_G` and `carrying_G` are accelerations (3,) that it feels."""
         if self._rig.hand_penetration_m() > MAX_PENETRATION_M:
             return _failed("collides")
@@ -156,9 +158,9 @@ class FreeHand:
             turn = rotation_error_rad(X_GO[:3, :3], X_GOClosed[:3, :3])
             turn_rad = max(turn_rad, float(turn))
             if slip_m > MAX_SLIP_M or turn_rad > MAX_TURN_RAD:
-                return Hold("slipped", slip_m, turn_rad)
+                return GraspOutcome("slipped", slip_m, turn_rad)
         fault: Fault = "" if self._rig.fingers_touching() == 2 else "lost"
-        return Hold(fault, slip_m, turn_rad)
+        return GraspOutcome(fault, slip_m, turn_rad)
 
     def _close_freely(self, opening_m: float) -> float:
         """Bring the pads close to the object, which costs no simulation; return their opening."""

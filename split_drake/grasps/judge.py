@@ -1,4 +1,4 @@
-"""How grasps fare geometrically on a mesh: what the pads close on, and what the hand hits."""
+"""What geometry says of grasps on a mesh: what the pads close on, and what the hand hits."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ _PAD_X, _PAD_Z = (
 
 @dataclass(frozen=True)
 class GraspCheck:
-    """How grasps (N) fare geometrically.
+    """What geometry says of grasps (N).
 
     Attributes:
         qualities: (N,) in [0, 1], see `GraspJudge.qualities`.
@@ -74,7 +74,7 @@ class GraspJudge:
         self._p_OSurface, _ = trimesh.sample.sample_surface(mesh, SURFACE_POINTS, seed=0)
 
     def check(self, X_OGs: Array) -> GraspCheck:
-        """Return how grasps (N, 4, 4) fare with the best of the openings that are tried."""
+        """Judge grasps (N, 4, 4) with the best of the openings that are tried."""
         checks = [
             self.check_opened(X_OGs, np.full(len(X_OGs), opening)) for opening in TRIED_OPENINGS_M
         ]
@@ -87,7 +87,7 @@ class GraspJudge:
         )
 
     def check_opened(self, X_OGs: Array, openings_m: Array) -> GraspCheck:
-        """Return how grasps (N, 4, 4) fare when the hand comes in opened by `openings_m` (N,)."""
+        """Judge grasps (N, 4, 4) where the hand comes in opened by `openings_m` (N,)."""
         qualities = self.qualities(X_OGs, openings_m)
         return GraspCheck(qualities, openings_m, self.collides(X_OGs, openings_m))
 

@@ -1,4 +1,4 @@
-"""Antipodal grasps of a mug: sampled on its mesh, judged against hand and mug (paper section V)."""
+"""Antipodal grasps of an object: sampled on its mesh, judged against it (paper section V)."""
 
 from dataclasses import dataclass
 
@@ -15,8 +15,8 @@ from split_drake.grasps.judge import (
     feasible,
     opening_for,
 )
-from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.ray_caster import RayCaster
+from split_drake.objects.rigid import RigidObject
 from split_drake.poses import Array, make_pose
 from split_drake.robot.gripper import MAX_OPENING_M
 
@@ -36,7 +36,7 @@ SCANNED_WIDTH_M = 0.0005
 MAX_WIDTH_M = MAX_OPENING_M - 0.004
 CANDIDATE_POINTS = 7000
 CANDIDATE_TURNS = 6
-# A line into a mug leaves material at the near wall, the far wall, and perhaps the handle.
+# A line into a cup leaves material at the near wall, the far wall, and perhaps the handle.
 EXITS = 3
 # Pinches between this quality and MIN_QUALITY may hold in physics: they are not called false.
 CLEARLY_WEAK = 0.3
@@ -46,10 +46,10 @@ TURN_RAD_PER_M = 25.0
 
 @dataclass(frozen=True)
 class GraspLabels:
-    """True grasps of a mug in its frame O.
+    """True grasps of an object in its frame O.
 
     Attributes:
-        X_OGs: (N, 4, 4) grasps that hold, spread evenly over the mug.
+        X_OGs: (N, 4, 4) grasps that hold, spread evenly over the object.
         openings_m: (N,) how far the pads are apart as the hand comes in.
         qualities: (N,) from MIN_QUALITY to 1, see `GraspJudge.qualities`.
         X_OGnegatives: (M, 4, 4) grasps that collide, pinch too little, or miss.
@@ -121,22 +121,22 @@ def spread_evenly(X_OGs: Array, count: int) -> np.ndarray:
 
 
 def sample_grasps(
-    mug: MugShape,
+    body: RigidObject,
     rng: np.random.Generator,
     positives: int = 1500,
     negatives: int = 400,
     min_width_m: float = MIN_WIDTH_M,
 ) -> GraspLabels:
-    """Return at most `positives` true grasps of a mug and `negatives` false ones.
+    """Return at most `positives` true grasps of an object and `negatives` false ones.
 
     Of the false ones a third each collide, hold badly, and are true ones displaced.  Grasps across
     less than `min_width_m` are left out.
 
-    Raises ValueError where the mug has no grasp.
+    Raises ValueError where the object has no grasp.
     """
-    judge = GraspJudge(mug.body.mesh)
+    judge = GraspJudge(body.mesh)
     X_OGs, widths = antipodal_candidates(
-        mug.body.mesh, CANDIDATE_POINTS, CANDIDATE_TURNS, rng, min_width_m
+        body.mesh, CANDIDATE_POINTS, CANDIDATE_TURNS, rng, min_width_m
     )
     openings = opening_for(widths)
     qualities = judge.qualities(X_OGs, openings)
@@ -144,7 +144,7 @@ def sample_grasps(
     collides = judge.collides(X_OGs[firm], openings[firm])
     good = firm[~collides]
     if not len(good):
-        raise ValueError(f"{mug.body.name} has no grasp among {len(X_OGs)} candidates")
+        raise ValueError(f"{body.name} has no grasp among {len(X_OGs)} candidates")
     chosen = good[spread_evenly(X_OGs[good], positives)]
     near = _displaced(X_OGs[rng.choice(chosen, negatives)], rng)
     third = negatives // 3
@@ -175,17 +175,17 @@ class FalseGrasps:
 
 
 def false_grasps(
-    mug: MugShape, X_OGtrues: Array, count: int, rng: np.random.Generator
+    body: RigidObject, X_OGtrues: Array, count: int, rng: np.random.Generator
 ) -> FalseGrasps:
     """Return at most `count` false grasps: about half displaced from true ones (N, 4, 4).
 
     The others have antipodal contacts; the hand collides, or pinches too little.
     """
     # Few are good, so that twice as many as are wanted suffice.
-    antipodal, _ = antipodal_candidates(mug.body.mesh, count, 1, rng)
+    antipodal, _ = antipodal_candidates(body.mesh, count, 1, rng)
     antipodal = antipodal[rng.permutation(len(antipodal))[:count]]
     near = _displaced(X_OGtrues[rng.integers(len(X_OGtrues), size=count)], rng)
-    judge = GraspJudge(mug.body.mesh)
+    judge = GraspJudge(body.mesh)
     found: list[FalseGrasps] = []
     for X_OGs, wanted in ((near, count // 2), (antipodal, count - count // 2)):
         check = judge.check(X_OGs)
@@ -197,6 +197,6 @@ def false_grasps(
     )
 
 
-def check_grasps(mug: MugShape, X_OGs: Array) -> GraspCheck:
-    """Return how any grasps (N, 4, 4) of a mug, detected ones say, fare geometrically."""
-    return GraspJudge(mug.body.mesh).check(X_OGs)
+def check_grasps(body: RigidObject, X_OGs: Array) -> GraspCheck:
+    """Return how any grasps (N, 4, 4), detected ones say, do geometrically."""
+    return GraspJudge(body.mesh).check(X_OGs)

@@ -28,7 +28,7 @@ class GraspStoreError(ValueError):
 
 @dataclass(frozen=True)
 class CheckedGrasps:
-    """Grasps of one mug and what became of them in a free hand, see `FreeHand.hold`.
+    """Grasps of one mug and what became of them in a free hand, see `FreeHand.try_grasp`.
 
     Attributes:
         X_OGs: (N, 4, 4) grasps, the first ones best spread over the mug.
@@ -125,12 +125,11 @@ def _shipped(split: Split) -> dict[str, CheckedGrasps]:
     return read_store(store_path(split), mugs_sha256(split))
 
 
-def load_checked_grasps(name: str) -> CheckedGrasps:
-    """Return the checked grasps of the mug `name`, "train_017" say.
+def load_checked_grasps(split: Split, name: str) -> CheckedGrasps:
+    """Return the checked grasps of a split's mug `name`.
 
     Raises GraspStoreError where there are none.
     """
-    split: Split = "test" if name.startswith("test_") else "train"
     grasps = _shipped(split)
     if name not in grasps:
         raise GraspStoreError(f"no grasps of {name!r} were checked; expected one of {split}'s mugs")

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import get_args
+from typing import cast, get_args
 
 from models import MODELS_FOLDER
 from split_drake.experiments.provenance import combined_sha256, file_sha256
@@ -37,11 +37,14 @@ class MugSource:
         """The folder of mesh files; None for a fixed split."""
         return None if self.where in SPLITS else Path(self.where)
 
+    @property
+    def split(self) -> Split | None:
+        """The fixed split; None for a folder."""
+        return cast(Split, self.where) if self.where in SPLITS else None
+
     def names(self) -> tuple[str, ...]:
         """Return the names of all mugs, in a fixed order."""
-        if self.folder is not None:
-            return tuple(_files(self.folder))
-        return mug_names("test" if self.where == "test" else "train")
+        return tuple(_files(Path(self.where))) if self.split is None else mug_names(self.split)
 
     def load(self, name: str) -> MugShape:
         """Return the mug `name`; raise InvalidMugError where its mesh is no mug."""

@@ -1,3 +1,5 @@
+"""Rays against one mesh."""
+
 import numpy as np
 import trimesh
 from embreex.mesh_construction import TriangleMesh

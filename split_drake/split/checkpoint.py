@@ -14,12 +14,16 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from split_drake.files import replacing
+from split_drake.pose_task import MUG_TASKS, PoseTask
+from split_drake.scene import Workspace
 from split_drake.split.diffusion import NoiseSchedule
 from split_drake.split.network import SplitConfig, SplitNetwork
 
 FORMAT = "split_drake.split"
 FORMAT_VERSION = 1
 DEFAULT_WEIGHTS = "split_mugs.safetensors"
+# Of checkpoints that are too old to say theirs; their tasks are those of mugs.
+FIRST_WORKSPACE = Workspace((0.5, 0.0, 0.0), 0.3, 0.05, 0.004)
 
 
 class CheckpointError(ValueError):
@@ -32,6 +36,8 @@ class CheckpointInfo:
 
     Attributes:
         config: architecture and noise schedule.
+        tasks: that the network was trained for, in its order.
+        workspace: the cube that its scenes were cropped to.
         training: options of the run that made it.
         seed: of that run.
         dataset_hash: of the data it was trained on.
@@ -44,6 +50,8 @@ class CheckpointInfo:
     """
 
     config: SplitConfig
+    tasks: tuple[PoseTask, ...]
+    workspace: Workspace
     training: dict[str, Any]
     seed: int
     dataset_hash: str
@@ -74,8 +82,11 @@ def save_checkpoint(path: Path, network: SplitNetwork, info: CheckpointInfo) -> 
     Raises ValueError where `info` describes another architecture, CheckpointError where a weight is
     not finite.
     """
-    if network.config != info.config:
-        raise ValueError(f"info describes {info.config}, the network is {network.config}")
+    if (network.config, network.tasks) != (info.config, info.tasks):
+        raise ValueError(
+            f"info describes {info.config} for {info.tasks}, the network is {network.config} for "
+            f"{network.tasks}"
+        )
     metadata = {
         "format": FORMAT,
         "format_version": str(FORMAT_VERSION),
@@ -104,7 +115,14 @@ def _parse_info(text: str) -> CheckpointInfo:
     noise = NoiseSchedule(**config.pop("noise"))
     lists = {key: tuple(value) for key, value in config.items() if isinstance(value, list)}
     values["earlier_commits"] = tuple(values.get("earlier_commits", ()))
-    return CheckpointInfo(config=SplitConfig(**(config | lists), noise=noise), **values)
+    tasks = [PoseTask.from_fields(fields) for fields in values.pop("tasks", ())]
+    workspace = values.pop("workspace", None)
+    return CheckpointInfo(
+        config=SplitConfig(**(config | lists), noise=noise),
+        tasks=tuple(tasks) or MUG_TASKS,
+        workspace=FIRST_WORKSPACE if workspace is None else Workspace.from_fields(workspace),
+        **values,
+    )
 
 
 def _read(path: Path) -> tuple[dict[str, str], dict[str, Tensor]]:
@@ -138,7 +156,7 @@ def load_checkpoint(path: Path) -> tuple[SplitNetwork, CheckpointInfo]:
     metadata, tensors = _read(path)
     try:
         info = _parse_info(metadata["info"])
-        network = SplitNetwork(info.config)
+        network = SplitNetwork(info.config, info.tasks)
         network.load_state_dict(tensors)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise CheckpointError(f"{path} does not describe the network it holds: {error}") from error

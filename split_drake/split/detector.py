@@ -10,9 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from split_drake.pose_set import PoseSet
-from split_drake.pose_task import PoseTask
-from split_drake.poses import Array
+from split_drake.pose_set import PoseSet, ScoredPoses, accepted_poses
+from split_drake.pose_task import PoseTask, find_tasks
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.inference import ScenePredictor
@@ -57,24 +56,17 @@ class SamplerConfig:
             raise ValueError(f"threshold is {self.threshold}; expected a score from 0, below 1")
 
 
-@dataclass(frozen=True)
-class ScoredSamples:
-    """All poses drawn for one task, before any is rejected.
-
-    Attributes:
-        X_WPs: (N, 4, 4) poses in W, in no order.
-        scores: (N,) in [0, 1], the evaluator's; higher is better.
-    """
-
-    X_WPs: Array
-    scores: Array
-
-
 class SplitDetector:
     """Pose sets by SPLIT's diffusion model (paper section IV).
 
+    Attributes:
+        tasks: that it knows.
+        workspace: the cube that its scenes must be cropped to, wherever that stands.
+        config: how samples are drawn and chosen.
+
     Args:
         network: what it predicts with.
+        workspace: that it was trained on.
         config: how samples are drawn and chosen.
         integrator: how they move, in place of the Langevin dynamics of `config`.
     """
@@ -82,10 +74,13 @@ class SplitDetector:
     def __init__(
         self,
         network: SplitNetwork,
+        workspace: Workspace,
         config: SamplerConfig | None = None,
         integrator: Integrator | None = None,
     ) -> None:
         self._network = network.eval()
+        self.tasks = network.tasks
+        self.workspace = workspace
         self.config = config or SamplerConfig()
         langevin = partial(annealed_langevin, config=self.config.langevin)
         self._integrate: Integrator = integrator or langevin
@@ -96,8 +91,13 @@ class SplitDetector:
 
         Raises CheckpointError where the file cannot be used.
         """
-        network, _ = load_checkpoint(default_weights() if path is None else path)
-        return cls(network, config)
+        network, info = load_checkpoint(default_weights() if path is None else path)
+        return cls(network, info.workspace, config)
+
+    @property
+    def threshold(self) -> float:
+        """The least score that is accepted."""
+        return self.config.threshold
 
     def widened(self) -> "SplitDetector":
         """Return a detector with the same network whose samples spread further.
@@ -106,41 +106,42 @@ class SplitDetector:
         the grasps are good, in place of 92% (`split_drake.studies.sampler_study`).
         """
         langevin = replace(self.config.langevin, temperature=WIDE_TEMPERATURE)
-        return SplitDetector(self._network, replace(self.config, langevin=langevin))
+        return SplitDetector(self._network, self.workspace, replace(self.config, langevin=langevin))
 
     def detect(
-        self, scene: Scene, tasks: Sequence[PoseTask], rng: np.random.Generator
-    ) -> dict[PoseTask, PoseSet]:
-        """Return one pose set for each of `tasks`; empty where all samples were rejected."""
-        pose_sets = {}
-        for task, samples in self.sample(scene, tasks, rng).items():
-            good = samples.scores >= self.config.threshold
-            pose_sets[task] = PoseSet.ranked(task, samples.X_WPs[good], samples.scores[good])
-        return pose_sets
+        self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
+    ) -> dict[str, PoseSet]:
+        """Return a pose set for each of `tasks`, by their names; empty where all were rejected.
+
+        Raises UnknownTaskError naming the checkpoint's tasks, for any other.
+        """
+        known = find_tasks(tasks, self.tasks, "the checkpoint")
+        return accepted_poses(self.sample(scene, known, rng), known, self.threshold)
 
     @torch.inference_mode()
     def sample(
         self,
         scene: Scene,
-        tasks: Sequence[PoseTask],
+        tasks: Sequence[PoseTask | str],
         rng: np.random.Generator,
         callback: StepCallback | None = None,
-    ) -> dict[PoseTask, ScoredSamples]:
-        """Return all samples for each of `tasks`.
+    ) -> dict[str, ScoredPoses]:
+        """Return all samples for each of `tasks`, by their names.
 
         Args:
             scene: its workspace must have the size that the network was trained on.
-            tasks: those wanted, all sampled in one batch.
+            tasks: those wanted, or their names; all sampled in one batch.
             rng: the only source of chance.
             callback: called with (step, X_VPs (tasks, samples, 4, 4)) before each step.
         """
         self._check_workspace(scene.workspace)
-        if not tasks:
+        known = find_tasks(tasks, self.tasks, "the checkpoint")
+        if not known:
             return {}
         network, edge_m = self._network, self._network.config.edge_m
         generator = torch.Generator(network.device)
         generator.manual_seed(int(rng.integers(2**63)))
-        predictor = ScenePredictor(network, torch.tensor(scene.grid()), tasks)
+        predictor = ScenePredictor(network, torch.tensor(scene.grid()), known)
         process = ReverseDiffusion(
             predictor.score,
             network.config.noise,
@@ -148,11 +149,11 @@ class SplitDetector:
             confine=lambda p_VPs: p_VPs.clamp(0.0, edge_m),
             callback=callback or ignore,
         )
-        X_VPs = self._integrate(process, self._start(scene, len(tasks), generator))
+        X_VPs = self._integrate(process, self._start(scene, len(known), generator))
         scores = torch.sigmoid(predictor.evaluate(X_VPs).double()).cpu().numpy()
         X_WPs = X_VPs.double().cpu().numpy()
         X_WPs[..., :3, 3] += scene.workspace.p_WV
-        return {task: ScoredSamples(X_WPs[i], scores[i]) for i, task in enumerate(tasks)}
+        return {task.name: ScoredPoses(X_WPs[i], scores[i]) for i, task in enumerate(known)}
 
     def _start(self, scene: Scene, tasks: int, generator: torch.Generator) -> Tensor:
         """Return uniformly random poses (tasks, samples, 4, 4) in V around the scene's points."""
@@ -166,11 +167,18 @@ class SplitDetector:
 
     def _check_workspace(self, workspace: Workspace) -> None:
         """Raise ValueError where the scene's cube is not the one the network was trained on."""
-        config = self._network.config
-        given = (workspace.edge_m, workspace.depth_below_m, Scene.RESOLUTION)
-        trained = (config.edge_m, config.table_m, config.resolution)
-        if not np.allclose(given, trained):
+        trained = self.workspace
+        names = ("edge_m", "depth_below_m", "table_clearance_m")
+        given = (*(getattr(workspace, name) for name in names), Scene.RESOLUTION)
+        known = (*(getattr(trained, name) for name in names), self._network.config.resolution)
+        if not np.allclose(given, known):
             raise ValueError(
-                f"the scene has (edge_m, depth_below_m, resolution) = {given}; "
-                f"the network was trained for {trained}"
+                f"the scene has ({', '.join(names)}, resolution) = {given}; "
+                f"the network was trained for {known}"
             )
+
+
+def single_threaded_detector(path: Path | None = None) -> SplitDetector:
+    """Return a detector of this process, on one thread: results depend on their number."""
+    torch.set_num_threads(1)
+    return SplitDetector.from_checkpoint(path)

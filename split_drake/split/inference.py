@@ -14,7 +14,7 @@ from torch.nn import functional
 
 from split_drake.pose_task import PoseTask
 from split_drake.split.context import FeatureTables, in_pose_axes, pose_numbers
-from split_drake.split.network import TASKS, FilmMlp, SplitNetwork
+from split_drake.split.network import FilmMlp, SplitNetwork
 
 
 class _Grid(Protocol):
@@ -124,7 +124,7 @@ class ScenePredictor:
     Args:
         network: in evaluation mode; its weights must stay as they are.
         occupied: (r, r, r) occupancy of the scene, indexed [x, y, z].
-        tasks: T of them.
+        tasks: T of the network's.
     """
 
     def __init__(self, network: SplitNetwork, occupied: Tensor, tasks: Sequence[PoseTask]) -> None:
@@ -134,8 +134,8 @@ class ScenePredictor:
         points = len(network.kernel)
         self._score_head = _Head(network.score_head, tables, self._grids, points)
         self._evaluator_head = _Head(network.evaluator_head, tables, self._grids, points)
-        indices = torch.tensor([TASKS.index(task) for task in tasks], device=network.device)
-        self._one_hot = functional.one_hot(indices, len(TASKS)).float()
+        indices = torch.tensor([network.tasks.index(task) for task in tasks], device=network.device)
+        self._one_hot = functional.one_hot(indices, len(network.tasks)).float()
 
     def score(self, X_VPs: Tensor, sigma: float) -> Tensor:
         """Return sigma * score (T, N, 6) of poses (T, N, 4, 4), in their frames."""

@@ -16,7 +16,6 @@ from split_drake.pose_task import PoseTask
 from split_drake.split.context import FeatureTables, in_pose_axes, point_kernel, pose_numbers
 from split_drake.split.diffusion import NoiseSchedule
 
-TASKS = (PoseTask.GRASP, PoseTask.HANDLE, PoseTask.UPRIGHT)
 INPUT_CHANNELS = 2  # occupied; below the table
 
 ContextKind = Literal["local", "global"]
@@ -190,24 +189,30 @@ class FilmMlp(nn.Module):
 
 
 class SplitNetwork(nn.Module):
-    """Encoder, score head and evaluator head for all tasks."""
+    """Encoder, score head and evaluator head for some tasks.
+
+    Args:
+        config: its architecture.
+        tasks: T of them, whose order is that of the indices below.
+    """
 
     kernel: Tensor
     frequencies: Tensor
 
-    def __init__(self, config: SplitConfig) -> None:
+    def __init__(self, config: SplitConfig, tasks: Sequence[PoseTask]) -> None:
         super().__init__()
         self.config = config
+        self.tasks = tuple(tasks)
         condition = config.condition_width
         self.encoder = Encoder(config.channels)
         self.latent = SceneLatent(config) if config.context == "global" else None
         self.score_condition = nn.Sequential(
-            nn.Linear(len(TASKS) + 2 * config.frequencies, condition),
+            nn.Linear(len(self.tasks) + 2 * config.frequencies, condition),
             nn.SiLU(),
             nn.Linear(condition, condition),
             nn.SiLU(),
         )
-        self.evaluator_condition = nn.Sequential(nn.Linear(len(TASKS), condition), nn.SiLU())
+        self.evaluator_condition = nn.Sequential(nn.Linear(len(self.tasks), condition), nn.SiLU())
         shape = (config.width, config.layers)
         self.score_head = FilmMlp(config.context_width, condition, 6, *shape)
         self.evaluator_head = FilmMlp(config.context_width, condition, 1, *shape)
@@ -248,11 +253,11 @@ class SplitNetwork(nn.Module):
 
         Args:
             context: (G, N, context_width): G groups, each of one task and one sigma.
-            tasks: (G,) indices into `TASKS`.
+            tasks: (G,) indices into the network's tasks.
             sigma: (G,) noise levels.
         """
         angle = torch.log(sigma)[:, None] * self.frequencies
-        one_hot = functional.one_hot(tasks, len(TASKS)).to(angle)
+        one_hot = functional.one_hot(tasks, len(self.tasks)).to(angle)
         condition = torch.cat([one_hot, angle.sin(), angle.cos()], -1)
         score = self.score_head(context, self.score_condition(condition))
         if self.config.score_frame == "sample":
@@ -261,5 +266,5 @@ class SplitNetwork(nn.Module):
 
     def evaluate(self, context: Tensor, tasks: Tensor) -> Tensor:
         """Return logits (G, N) that poses are right, for contexts (G, N, ...), tasks (G,)."""
-        one_hot = functional.one_hot(tasks, len(TASKS)).to(context)
+        one_hot = functional.one_hot(tasks, len(self.tasks)).to(context)
         return self.evaluator_head(context, self.evaluator_condition(one_hot))[..., 0]

@@ -21,7 +21,7 @@ class PoseDetectorSystem(LeafSystem):
         <camera>: the depth image of each camera of the layout.
     Output ports:
         scene: abstract, Scene with noise.
-        pose_sets: abstract, dict[PoseTask, PoseSet].
+        pose_sets: abstract, dict[str, PoseSet] by the tasks' names.
 
     Args:
         detector: any PoseDetector.
@@ -34,7 +34,7 @@ class PoseDetectorSystem(LeafSystem):
     def __init__(
         self,
         detector: PoseDetector,
-        tasks: Sequence[PoseTask],
+        tasks: Sequence[PoseTask | str],
         layout: Layout,
         noise_m: float = 0.0,
         seed: int = 0,

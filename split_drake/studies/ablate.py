@@ -16,16 +16,18 @@ import torch
 import tyro
 from rich.console import Console
 
-from split_drake.data.dataset import MugDataset
+from split_drake.data.dataset import SceneDataset
+from split_drake.evaluation.evaluate import MugEvalOptions
 from split_drake.evaluation.evaluation import METRICS, evaluate
-from split_drake.evaluation.scenes import EvalOptions
 from split_drake.experiments.provenance import file_sha256
+from split_drake.pose_task import MUG_TASKS
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.detector import SamplerConfig
+from split_drake.station.layout import Layout
 from split_drake.studies.ablation_detectors import make_detector
 from split_drake.studies.ablation_report import Cost, Row, terminal_table, write_report
 from split_drake.studies.ablation_variants import MODELS, VARIANTS, Model, Variant
-from split_drake.training.train import Run, TrainConfig
+from split_drake.training.train import TrainConfig, TrainingRun
 from split_drake.training.training_folder import TrainingFolder
 
 
@@ -66,12 +68,12 @@ class AblateConfig:
             seed=self.seed,
             resume=TrainingFolder(out).state.exists(),
             network=model.network,
-            batch=model.batch,
+            tasks=model.tasks,
         )
 
-    def eval_options(self, variant: Variant) -> EvalOptions:
+    def eval_options(self, variant: Variant) -> MugEvalOptions:
         """Return the scenes that a variant is evaluated on: the same for all but for the noise."""
-        return EvalOptions(
+        return MugEvalOptions(
             scenes=self.scenes,
             physics_scenes=self.physics_scenes,
             noise_m=variant.noise_m,
@@ -105,12 +107,12 @@ def is_trained(run: TrainConfig, dataset_hash: str) -> bool:
 
 def train_models(config: AblateConfig, console: Console) -> None:
     """Train the models that are missing."""
-    dataset = MugDataset.open(config.data)
+    dataset = SceneDataset.open(config.data)
     for model in MODELS:
         run = config.training(model)
         if not is_trained(run, dataset.dataset_hash):
             console.print(f"training {model.name}")
-            Run(run, dataset, console).execute()
+            TrainingRun(run, dataset, console).execute()
 
 
 def describe(config: AblateConfig, variant: Variant) -> dict[str, Any]:
@@ -125,14 +127,14 @@ def describe(config: AblateConfig, variant: Variant) -> dict[str, Any]:
 def evaluate_variant(config: AblateConfig, variant: Variant, console: Console) -> Row:
     """Return the row of a variant whose models are trained, evaluated unless it was before."""
     weights = config.weights(variant)
-    metrics = evaluate(
+    _, info = load_checkpoint(weights[0])
+    evaluation = config.eval_options(variant).evaluation(
         partial(make_detector, weights, variant.ranked),
         describe(config, variant),
-        config.eval_options(variant),
-        config.evaluation(variant),
-        config.workers,
-        console,
+        MUG_TASKS,
+        Layout(workspace=info.workspace),
     )
+    metrics = evaluate(evaluation, config.evaluation(variant), config.workers, console)
     return Row(variant, Cost.of(weights), metrics)
 
 

@@ -6,75 +6,89 @@ from pathlib import Path
 
 import numpy as np
 
-from split_drake.evaluation.examiner import SamplingDetector
-from split_drake.pose_task import PoseTask
+from split_drake.pose_set import PoseSet, SamplingDetector, ScoredPoses, accepted_poses
+from split_drake.pose_task import PoseTask, find_tasks
 from split_drake.scene import Scene
-from split_drake.split.detector import SamplerConfig, ScoredSamples, SplitDetector
-from split_drake.split.network import TASKS
+from split_drake.split.detector import SplitDetector
 
 
 class ChanceRanking:
     """A detector without its evaluator: chance ranks the samples, and none is rejected.
 
     Attributes:
-        config: how samples are drawn.
+        tasks: that it knows.
+        threshold: of the samples' scores.
     """
 
-    config: SamplerConfig
-
-    def __init__(self, detector: SamplingDetector) -> None:
+    def __init__(self, detector: SamplingDetector, tasks: Sequence[PoseTask]) -> None:
         self._detector = detector
-        self.config = replace(detector.config, threshold=0.0)
+        self.tasks = tuple(tasks)
+        self.threshold = 0.0
 
     def sample(
-        self, scene: Scene, tasks: Sequence[PoseTask], rng: np.random.Generator
-    ) -> dict[PoseTask, ScoredSamples]:
+        self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
+    ) -> dict[str, ScoredPoses]:
         """Return the samples of the detector, with scores uniform in [0, 1)."""
         drawn = self._detector.sample(scene, tasks, rng)
         return {
-            task: replace(samples, scores=rng.random(len(samples.scores)))
-            for task, samples in drawn.items()
+            name: replace(samples, scores=rng.random(len(samples.scores)))
+            for name, samples in drawn.items()
         }
+
+    def detect(
+        self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
+    ) -> dict[str, PoseSet]:
+        """Return the accepted samples for each of `tasks`, by their names."""
+        known = find_tasks(tasks, self.tasks, "the detector")
+        return accepted_poses(self.sample(scene, known, rng), known, self.threshold)
 
 
 class ModelPerTask:
     """A detector each for some tasks.
 
     Attributes:
-        config: how samples are drawn, the same for all.
+        tasks: that it knows.
+        threshold: of the samples' scores, the same for all.
     """
 
-    config: SamplerConfig
-
     def __init__(self, detectors: Mapping[PoseTask, SamplingDetector]) -> None:
-        configs = {detector.config for detector in detectors.values()}
-        if len(configs) != 1:
-            raise ValueError(f"the detectors have {len(configs)} configurations; expected one")
-        self._detectors = dict(detectors)
-        self.config = configs.pop()
+        thresholds = {detector.threshold for detector in detectors.values()}
+        if len(thresholds) != 1:
+            raise ValueError(f"the detectors have {len(thresholds)} thresholds; expected one")
+        self._detectors = {task.name: detector for task, detector in detectors.items()}
+        self.tasks = tuple(detectors)
+        self.threshold = thresholds.pop()
 
     def sample(
-        self, scene: Scene, tasks: Sequence[PoseTask], rng: np.random.Generator
-    ) -> dict[PoseTask, ScoredSamples]:
+        self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
+    ) -> dict[str, ScoredPoses]:
         """Return the samples that the detector of each of `tasks` draws."""
-        return {task: self._detectors[task].sample(scene, (task,), rng)[task] for task in tasks}
+        names = [task.name for task in find_tasks(tasks, self.tasks, "the detector")]
+        return {name: self._detectors[name].sample(scene, (name,), rng)[name] for name in names}
+
+    def detect(
+        self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
+    ) -> dict[str, PoseSet]:
+        """Return the accepted samples for each of `tasks`, by their names."""
+        known = find_tasks(tasks, self.tasks, "the detector")
+        return accepted_poses(self.sample(scene, known, rng), known, self.threshold)
 
 
 def make_detector(weights: tuple[Path, ...], ranked: bool) -> SamplingDetector:
     """Return a detector.
 
     Args:
-        weights: one checkpoint for all tasks, or one each in the order of `TASKS`.
+        weights: one checkpoint for all tasks, or one each for a task of its own.
         ranked: whether it has its evaluator.
 
-    Raises CheckpointError where a checkpoint cannot be used, ValueError for another number of them.
+    Raises CheckpointError where a checkpoint cannot be used, ValueError where one of several knows
+    more than one task.
     """
-    detector: SamplingDetector
-    if len(weights) == 1:
-        detector = SplitDetector.from_checkpoint(weights[0])
-    elif len(weights) == len(TASKS):
-        each = zip(TASKS, weights, strict=True)
-        detector = ModelPerTask({task: SplitDetector.from_checkpoint(path) for task, path in each})
-    else:
-        raise ValueError(f"{len(weights)} checkpoints; expected 1 or {len(TASKS)}")
-    return detector if ranked else ChanceRanking(detector)
+    each = [SplitDetector.from_checkpoint(path) for path in weights]
+    tasks = tuple(task for detector in each for task in detector.tasks)
+    detector: SamplingDetector = each[0]
+    if len(each) > 1:
+        if len(tasks) != len(each):
+            raise ValueError(f"{len(each)} checkpoints know {len(tasks)} tasks; expected one each")
+        detector = ModelPerTask(dict(zip(tasks, each, strict=True)))
+    return detector if ranked else ChanceRanking(detector, tasks)

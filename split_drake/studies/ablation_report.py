@@ -10,9 +10,8 @@ from typing import Any
 from rich.table import Table
 
 from split_drake.files import write_json
-from split_drake.pose_task import PoseTask
+from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
 from split_drake.split.checkpoint import load_checkpoint
-from split_drake.split.network import TASKS
 from split_drake.studies.ablation_variants import Variant
 from split_drake.training.training_folder import TrainingFolder
 
@@ -54,7 +53,7 @@ def _minutes(run: TrainingFolder) -> float | None:
 
 @dataclass(frozen=True)
 class Row:
-    """A variant, what it cost and how it fares.
+    """A variant, what it cost and what it reaches.
 
     Attributes:
         metrics: those of `evaluation.evaluate`.
@@ -74,12 +73,12 @@ class Row:
 
     def samples(self) -> str:
         """Return which shares of all samples are good, before any is rejected, by task."""
-        shares = [self.metrics[str(task)]["samples_good"]["all"]["share"] for task in TASKS]
+        shares = [self.metrics[str(task)]["samples_good"]["all"]["share"] for task in MUG_TASKS]
         return " / ".join(f"{100 * share:.0f}" for share in shares)
 
     def record(self) -> dict[str, Any]:
         """Return the row as JSON values."""
-        kept = {key: value for key, value in self.metrics.items() if key != "by_mug"}
+        kept = {key: value for key, value in self.metrics.items() if key != "by_subject"}
         return {
             "name": self.variant.name,
             "change": self.variant.change,
@@ -96,8 +95,8 @@ COLUMNS: tuple[tuple[str, Callable[[Row], str]], ...] = (
     ("variant", lambda row: row.variant.name),
     ("what differs", lambda row: row.variant.change),
     ("noise, mm", lambda row: f"{1000 * row.variant.noise_m:.0f}"),
-    *((str(task), partial(Row.top, task=task)) for task in TASKS),
-    ("grasp holds", lambda row: row.top(PoseTask.GRASP, "top_holds")),
+    *((str(task), partial(Row.top, task=task)) for task in MUG_TASKS),
+    ("grasp holds", lambda row: row.top(GRASP, "top_holds")),
     ("all samples, %", Row.samples),
     ("scene-steps", lambda row: f"{row.cost.scene_steps:,}"),
     ("params, M", lambda row: f"{row.cost.parameters / 1e6:.2f}"),

@@ -7,9 +7,8 @@ scenes.
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from split_drake.pose_task import PoseTask
-from split_drake.split.network import TASKS, SplitConfig
-from split_drake.training.batches import BatchConfig
+from split_drake.pose_task import MUG_TASKS, PoseTask
+from split_drake.split.network import SplitConfig
 
 NOISE_M = 0.005
 OTHER_NOISES_M = (0.002, 0.010)
@@ -21,12 +20,12 @@ class Model:
 
     Attributes:
         name: of its folder.
-        network, batch: what differs from the defaults is what the ablation is about.
+        network, tasks: what differs from the defaults is what the ablation is about.
     """
 
     name: str
     network: SplitConfig = field(default_factory=SplitConfig)
-    batch: BatchConfig = field(default_factory=BatchConfig)
+    tasks: tuple[str, ...] = tuple(task.name for task in MUG_TASKS)
 
     def folder(self, out: Path) -> Path:
         """Return the folder of its training run, of an ablation in `out`."""
@@ -35,23 +34,14 @@ class Model:
 
 def _model_of_task(task: PoseTask) -> Model:
     """Return a model that is trained for one task alone, with as many poses of it a scene."""
-    every = BatchConfig()
-    return Model(
-        f"only_{task}",
-        batch=BatchConfig(
-            grasps=every.grasps if task == PoseTask.GRASP else 0,
-            handles=every.handles if task == PoseTask.HANDLE else 0,
-            uprights=every.uprights if task == PoseTask.UPRIGHT else 0,
-            negatives=every.negatives if task == PoseTask.GRASP else 0,
-        ),
-    )
+    return Model(f"only_{task}", tasks=(task.name,))
 
 
 FULL = Model("full")
 GLOBAL_LATENT = Model("global_latent", SplitConfig(context="global", score_frame="global"))
 GLOBAL_LATENT_SAMPLE_FRAME = Model("global_latent_sample_frame", SplitConfig(context="global"))
 GLOBAL_FRAME = Model("global_frame", SplitConfig(score_frame="global"))
-ONE_PER_TASK = tuple(_model_of_task(task) for task in TASKS)
+ONE_PER_TASK = tuple(_model_of_task(task) for task in MUG_TASKS)
 
 MODELS = (FULL, GLOBAL_LATENT, GLOBAL_LATENT_SAMPLE_FRAME, GLOBAL_FRAME, *ONE_PER_TASK)
 
@@ -63,7 +53,7 @@ class Variant:
     Attributes:
         name: of the row.
         change: what differs from SPLIT, in words.
-        models: one for all tasks, or one each in the order of `TASKS`; none: the weights that ship.
+        models: one for all tasks, or one each; none: the weights that ship.
         ranked: whether the evaluator ranks and rejects samples; otherwise chance ranks them.
         noise_m: standard deviation of the noise on the points.
     """

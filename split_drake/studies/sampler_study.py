@@ -21,14 +21,13 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
+from split_drake.evaluation.evaluate import MugEvalOptions
 from split_drake.evaluation.evaluation import evaluate
-from split_drake.evaluation.scenes import EvalOptions
 from split_drake.experiments.provenance import file_sha256
 from split_drake.files import write_json
-from split_drake.pose_task import PoseTask
+from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.detector import SplitDetector
-from split_drake.split.network import TASKS
 from split_drake.split.sampling import (
     Integrator,
     LangevinConfig,
@@ -37,6 +36,7 @@ from split_drake.split.sampling import (
     multistep,
     predictor_corrector,
 )
+from split_drake.station.layout import Layout
 
 # What is told of a sampler, see `measure`.
 Row = dict[str, Any]
@@ -103,14 +103,14 @@ INTEGRATORS: Mapping[str, Callable[[Sampler], Integrator]] = {
 TWICE_A_STEP = ("heun", "predictor_corrector")
 # Each measure, and the tasks that have it.
 MEASURES: Mapping[str, Sequence[PoseTask]] = {
-    "top_good": TASKS,
-    "samples_good": TASKS,
-    "coverage": (PoseTask.GRASP,),
+    "top_good": MUG_TASKS,
+    "samples_good": MUG_TASKS,
+    "coverage": (GRASP,),
 }
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudyConfig(EvalOptions):
+class StudyConfig(MugEvalOptions):
     """A study of samplers.
 
     Attributes:
@@ -148,23 +148,23 @@ def samplers() -> list[Sampler]:
 
 def make_detector(checkpoint: Path, sampler: Sampler) -> SplitDetector:
     """Return a detector that samples by `sampler`."""
-    network, _ = load_checkpoint(checkpoint)
-    return SplitDetector(network, integrator=sampler.build())
+    network, info = load_checkpoint(checkpoint)
+    return SplitDetector(network, info.workspace, integrator=sampler.build())
 
 
 def measure(config: StudyConfig, sampler: Sampler, console: Console) -> Row:
     """Return a sampler's row: its shares by measure and task, and the seconds of a detection."""
     checkpoint = config.checkpoint or default_weights()
-    metrics = evaluate(
+    _, info = load_checkpoint(checkpoint)
+    evaluation = config.evaluation(
         partial(make_detector, checkpoint, sampler),
         {**asdict(sampler), "checkpoint_sha256": file_sha256(checkpoint)},
-        config,
-        config.out / sampler.name,
-        config.workers,
-        console,
+        MUG_TASKS,
+        Layout(workspace=info.workspace),
     )
+    metrics = evaluate(evaluation, config.out / sampler.name, config.workers, console)
     shares = {
-        name: {str(task): metrics[str(task)][name]["all"]["share"] for task in tasks}
+        name: {task.name: metrics[task.name][name]["all"]["share"] for task in tasks}
         for name, tasks in MEASURES.items()
     }
     return {**asdict(sampler), "detect_s": metrics["median_detect_s"], **shares}

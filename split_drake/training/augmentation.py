@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from split_drake.pose_task import Symmetry
 from split_drake.split.network import SplitConfig
 from split_drake.split.se3 import compose, so3_exp
 
@@ -100,12 +101,20 @@ def add_noise(p_VSs: Tensor, config: AugmentationConfig, generator: torch.Genera
     return p_VSs + (low_m + (high_m - low_m) * share) * noise
 
 
-def half_turned(X_VGs: Tensor, generator: torch.Generator) -> Tensor:
-    """Return grasps (B, N, 4, 4), every other one by chance as X_VG Rot_z(pi): the same grasp."""
-    turned = torch.randint(2, X_VGs.shape[:2], generator=generator, device=generator.device)
-    signs = X_VGs.new_ones((*turned.shape, 4))
-    signs[..., :2] = (1 - 2 * turned)[..., None]
-    return X_VGs * signs[..., None, :]
+def turned_alike(X_VPs: Tensor, symmetry: Symmetry, generator: torch.Generator) -> Tensor:
+    """Return for each pose (B, N, 4, 4) one of those that mean the same, by chance."""
+    if symmetry.kind == "none":
+        return X_VPs
+    if symmetry.kind == "half turn":
+        turned = torch.randint(2, X_VPs.shape[:2], generator=generator, device=generator.device)
+        signs = X_VPs.new_ones((*turned.shape, 4))
+        across = [i for i in range(3) if i != symmetry.column]
+        signs[..., across] = (1 - 2 * turned)[..., None].to(signs)
+        return X_VPs * signs[..., None, :]
+    angle = torch.rand(X_VPs.shape[:2], generator=generator, device=generator.device)
+    omega = X_VPs.new_zeros((*X_VPs.shape[:2], 3))
+    omega[..., symmetry.column] = 2.0 * torch.pi * angle
+    return compose(X_VPs[..., :3, :3] @ so3_exp(omega), X_VPs[..., :3, 3])
 
 
 def voxelize(p_VSs: Tensor, split: SplitConfig) -> Tensor:

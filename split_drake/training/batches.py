@@ -5,6 +5,7 @@ was perturbed, not from the time t that its noise was drawn at: small noise is d
 too, and the evaluator, which is not told the time, sees only the pose.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import torch
@@ -12,12 +13,12 @@ from torch import Tensor
 
 from split_drake.pose_task import PoseTask
 from split_drake.split.diffusion import NoiseSchedule, displacement, perturb, target_score
-from split_drake.split.network import TASKS, SplitConfig
+from split_drake.split.network import SplitConfig
 from split_drake.training.augmentation import (
     AugmentationConfig,
     Similarity,
     add_noise,
-    half_turned,
+    turned_alike,
     voxelize,
 )
 from split_drake.training.training_scenes import TrainingScenes
@@ -29,17 +30,17 @@ class BatchConfig:
 
     Attributes:
         scenes: in a batch.
-        grasps, handles, uprights: perturbed poses a scene; a task of none is not trained.
-        negatives: false grasps a scene, for the evaluator.
+        poses: perturbed poses a scene, of each task.
+        poses_of: the same of those tasks that have another number; a task of none is not trained.
+        negatives: false poses a scene, of each task that has any, for the evaluator.
         poses_per_sigma: poses of a scene that share one noise level.
         evaluator_time: the paper's t_th, see `evaluator_limit`.
         augmentation: how much scenes are changed.
     """
 
     scenes: int = 8
-    grasps: int = 64
-    handles: int = 24
-    uprights: int = 24
+    poses: int = 24
+    poses_of: dict[str, int] = field(default_factory=lambda: {"grasp": 64})
     negatives: int = 24
     poses_per_sigma: int = 4
     evaluator_time: float = 0.3
@@ -50,14 +51,13 @@ class BatchConfig:
             raise ValueError(
                 f"scenes={self.scenes}, poses_per_sigma={self.poses_per_sigma}; expected 1 or more"
             )
-        counts = (self.grasps, self.handles, self.uprights, self.negatives)
-        if min(counts) < 0 or any(count % self.poses_per_sigma for count in counts):
-            raise ValueError(
-                f"grasps, handles, uprights, negatives = {counts}; expected 0 or positive "
-                f"multiples of poses_per_sigma={self.poses_per_sigma}"
-            )
-        if not self.tasks:
-            raise ValueError(f"grasps, handles, uprights = {counts[:3]}; expected one above 0")
+        counts = {"poses": self.poses, "negatives": self.negatives, **self.poses_of}
+        for name, count in counts.items():
+            if count < 0 or count % self.poses_per_sigma:
+                raise ValueError(
+                    f"{name} is {count}; expected 0 or a positive multiple of "
+                    f"poses_per_sigma={self.poses_per_sigma}"
+                )
 
     def evaluator_limit(self, noise: NoiseSchedule) -> float:
         """Return how far poses may be perturbed that the evaluator should accept.
@@ -68,20 +68,16 @@ class BatchConfig:
         """
         return noise.sigma(torch.tensor(self.evaluator_time)).item()
 
-    @property
-    def task_counts(self) -> tuple[int, ...]:
-        """Perturbed poses a scene, in the order of `TASKS`."""
-        counts = {
-            PoseTask.GRASP: self.grasps,
-            PoseTask.HANDLE: self.handles,
-            PoseTask.UPRIGHT: self.uprights,
-        }
-        return tuple(counts[task] for task in TASKS)
+    def count(self, task: PoseTask) -> int:
+        """Return how many perturbed poses of a task a scene has."""
+        return self.poses_of.get(task.name, self.poses)
 
-    @property
-    def tasks(self) -> tuple[PoseTask, ...]:
-        """Those that are trained, in the order of `TASKS`."""
-        return tuple(task for task, count in zip(TASKS, self.task_counts, strict=True) if count > 0)
+    def trained(self, tasks: Sequence[PoseTask]) -> tuple[PoseTask, ...]:
+        """Return those of the tasks that are trained; raise ValueError where none is."""
+        found = tuple(task for task in tasks if self.count(task))
+        if not found:
+            raise ValueError(f"no pose of {', '.join(map(str, tasks))} is trained")
+        return found
 
 
 @dataclass(frozen=True)
@@ -94,7 +90,7 @@ class TrainingBatch:
     Attributes:
         occupied: (B, r, r, r) voxels.
         X_VPs: (B, (G + N) * poses_per_sigma, 4, 4); the negatives come last.
-        tasks: (G + N,) indices into `TASKS`, the same for all scenes.
+        tasks: (G + N,) indices into the scenes' tasks, the same for all scenes.
         task_groups: how many of the G groups belong to each of the tasks that are trained.
         sigma: (B, G).
         target: (B, G, poses_per_sigma, 6) sigma * score.
@@ -146,14 +142,24 @@ class PerturbedPoses:
 def _true_poses(
     scenes: TrainingScenes, chosen: Tensor, batch: BatchConfig, generator: torch.Generator
 ) -> Tensor:
-    """Return true poses (B, P, 4, 4) of the scenes `chosen` (B,), in the order of `TASKS`."""
-    poses = {
-        PoseTask.GRASP: scenes.true_grasps(chosen, batch.grasps, generator),
-        PoseTask.HANDLE: scenes.handles(chosen, batch.handles, generator),
-        PoseTask.UPRIGHT: scenes.uprights(chosen, batch.uprights, generator),
-    }
-    poses[PoseTask.GRASP] = half_turned(poses[PoseTask.GRASP], generator)
-    return torch.cat([poses[task] for task in TASKS], 1)
+    """Return true poses (B, P, 4, 4) of the scenes `chosen` (B,), in the order of their tasks."""
+    found = []
+    for number, task in enumerate(scenes.tasks):
+        X_VPs = scenes.true_poses(number, chosen, batch.count(task), generator)
+        found.append(turned_alike(X_VPs, task.symmetry, generator))
+    return torch.cat(found, 1)
+
+
+def _false_poses(
+    scenes: TrainingScenes, chosen: Tensor, batch: BatchConfig, generator: torch.Generator
+) -> tuple[Tensor, list[int]]:
+    """Return false poses (B, N, 4, 4), and whose they are: indices of tasks, each of as many."""
+    owners = [number for number, poses in enumerate(scenes.poses) if poses.has_false]
+    found = [scenes.X_VOs.new_empty((len(chosen), 0, 4, 4))]
+    for number in owners:
+        X_VPs = scenes.false_poses(number, chosen, batch.negatives, generator)
+        found.append(turned_alike(X_VPs, scenes.tasks[number].symmetry, generator))
+    return torch.cat(found, 1), owners
 
 
 def draw_batch(
@@ -166,16 +172,17 @@ def draw_batch(
     points = add_noise(augment.points(scenes.p_VSs[chosen]), batch.augmentation, generator)
     X_VPs = augment.poses(_true_poses(scenes, chosen, batch, generator))
     perturbed = PerturbedPoses.draw(X_VPs, batch, split, generator)
-    false = half_turned(scenes.false_grasps(chosen, batch.negatives, generator), generator)
+    false, owners = _false_poses(scenes, chosen, batch, generator)
     negatives = augment.poses(false)
     label = torch.cat([perturbed.accepted, negatives.new_zeros(false.shape[:2]).bool()], 1)
-    groups = [count // per_sigma for count in (*batch.task_counts, batch.negatives)]
-    task_of_group = torch.tensor([*range(len(TASKS)), TASKS.index(PoseTask.GRASP)])
+    groups = [batch.count(task) // per_sigma for task in scenes.tasks]
+    task_of_group = torch.tensor([*range(len(scenes.tasks)), *owners])
+    all_groups = torch.tensor([*groups, *[batch.negatives // per_sigma] * len(owners)])
     return TrainingBatch(
         occupied=voxelize(points, split),
         X_VPs=torch.cat([perturbed.X_VPs, negatives], 1),
-        tasks=task_of_group.repeat_interleave(torch.tensor(groups)).to(device),
-        task_groups=tuple(count for count in groups[: len(TASKS)] if count),
+        tasks=task_of_group.repeat_interleave(all_groups).to(device),
+        task_groups=tuple(count for count in groups if count),
         sigma=perturbed.sigma,
         target=perturbed.target.unflatten(1, (-1, per_sigma)),
         label=label.float().unflatten(1, (-1, per_sigma)),

@@ -13,16 +13,17 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, StrMethodFormatter
 
 from split_drake.poses import Array
-from split_drake.split.network import TASKS
 from split_drake.training.training_folder import TrainingFolder
 
-# Key in the curves, title of the panel, whether its axis is logarithmic.
+# Key in the curves, title of the panel, whether its axis is logarithmic; the tasks' come before.
 PANELS = (
-    *((str(task), f"denoising loss, {task}", True) for task in TASKS),
     ("focal", "focal loss of the evaluator", True),
     ("learning_rate", "learning rate", False),
     ("scenes_per_s", "scenes a second", False),
 )
+# What else a line of the curves has, that is no loss of a task.
+_COUNTS = ("step", "scenes", "minutes")
+_COLUMNS = 3
 
 
 @dataclass(frozen=True)
@@ -58,9 +59,15 @@ def read_curves(folder: Path) -> dict[str, Array]:
 
 def draw_curves(runs: dict[str, dict[str, Array]]) -> Figure:
     """Return a figure of the curves of several runs, by their names; tasks may be missing."""
-    figure = Figure(figsize=(12.0, 6.5), layout="constrained")
-    panels = figure.subplots(2, 3, sharex=True)
-    for axes, (key, title, logarithmic) in zip(panels.flat, PANELS, strict=True):
+    others = {*_COUNTS, *(key for key, _, _ in PANELS)}
+    tasks = dict.fromkeys(key for curves in runs.values() for key in curves if key not in others)
+    shown = [*((task, f"denoising loss, {task}", True) for task in tasks), *PANELS]
+    rows = -(-len(shown) // _COLUMNS)
+    figure = Figure(figsize=(4.0 * _COLUMNS, 3.25 * rows), layout="constrained")
+    panels = figure.subplots(rows, _COLUMNS, sharex=True, squeeze=False)
+    for axes in panels.flat[len(shown) :]:
+        axes.set_visible(False)
+    for axes, (key, title, logarithmic) in zip(panels.flat, shown, strict=False):
         for number, (name, curves) in enumerate(runs.items()):
             if key in curves:
                 style = {"color": f"C{number}", "linewidth": 1.0}
@@ -71,10 +78,11 @@ def draw_curves(runs: dict[str, dict[str, Array]]) -> Figure:
             for set_formatter in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
                 set_formatter(StrMethodFormatter("{x:.3g}"))
         axes.grid(alpha=0.3)
-    for axes in panels[-1]:
+    for axes in panels.flat[: len(shown)][-_COLUMNS:]:
         axes.set_xlabel("scenes seen")
         axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-    panels[-1, -1].legend(fontsize="small")
+        axes.xaxis.set_tick_params(labelbottom=True)
+    panels.flat[len(shown) - 1].legend(fontsize="small")
     return figure
 
 

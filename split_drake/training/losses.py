@@ -19,7 +19,7 @@ class Losses:
     """The terms of the loss.
 
     Attributes:
-        denoising: (T,) mean squared error of sigma * score by task, of `BatchConfig.tasks`; 1 is
+        denoising: (T,) mean squared error of sigma * score by task, of those that are trained; 1 is
             what a network that always answers 0 reaches, about.
         focal: of the evaluator.
     """

@@ -20,8 +20,9 @@ import tyro
 from rich.console import Console
 from rich.progress import Progress
 
-from split_drake.data.dataset import MugDataset
+from split_drake.data.dataset import SceneDataset
 from split_drake.experiments.provenance import file_sha256, git_commit
+from split_drake.pose_task import find_tasks
 from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
 from split_drake.split.network import SplitConfig
@@ -39,13 +40,15 @@ class TrainConfig:
     """A training run.
 
     Attributes:
-        data: folder written by split_drake.data.generate.
+        data: folder written by split_drake.data.generate; its tasks and its workspace are those
+            of the network.
         out: output folder.
         minutes: length of the run; give this or `steps`.
         steps: length of the run in optimiser steps.
         device: "auto" takes CUDA where there is one.
         bfloat16: compute matrix products and fine convolutions in that type.
         seed: of weights and batches.
+        tasks: names of those of the dataset's tasks that are trained; all where none is named.
         resume: go on with the run in `out`; only its length may be given anew.
         init: checkpoint to take the first weights from.
         log_steps: steps averaged in one line of the curves.
@@ -62,6 +65,7 @@ class TrainConfig:
     device: Literal["auto", "cpu", "cuda"] = "auto"
     bfloat16: bool = True
     seed: int = 0
+    tasks: tuple[str, ...] = ()
     resume: bool = False
     init: Path | None = None
     log_steps: int = 50
@@ -110,17 +114,32 @@ def parent_record(path: Path, info: CheckpointInfo) -> dict[str, Any]:
     }
 
 
-class Run:
+def _require_fitting(network: SplitConfig, workspace: Workspace) -> None:
+    """Exit where a network's grid is not that of the dataset's workspace."""
+    given = (network.edge_m, network.table_m)
+    wanted = (workspace.edge_m, workspace.depth_below_m)
+    if given != wanted:
+        raise SystemExit(
+            f"the network is for a cube with (edge_m, table_m) = {given}, the dataset's is "
+            f"{wanted}; --network.edge-m and --network.table-m set it"
+        )
+
+
+class TrainingRun:
     """A training run in its output folder."""
 
-    def __init__(self, config: TrainConfig, dataset: MugDataset, console: Console) -> None:
+    def __init__(self, config: TrainConfig, dataset: SceneDataset, console: Console) -> None:
         self._config, self._console = config, console
         self._folder = TrainingFolder(config.out)
         self._dataset_hash = dataset.dataset_hash
         self._commit = git_commit()
         self._earlier_commits: tuple[str, ...] = ()
         self._parent: dict[str, Any] | None = None
-        scenes = TrainingScenes.from_arrays(dataset, Workspace().p_WV, config.torch_device())
+        self._tasks = find_tasks(config.tasks or dataset.tasks, dataset.tasks, "the dataset")
+        self._workspace = dataset.workspace
+        _require_fitting(config.network, dataset.workspace)
+        self._trained = [task.name for task in config.batch.trained(self._tasks)]
+        scenes = TrainingScenes.of(dataset, self._tasks, config.torch_device())
         self._trainer = Trainer(
             scenes, config.network, config.batch, config.optimizer, config.seed, config.bfloat16
         )
@@ -137,8 +156,11 @@ class Run:
     def _start_from(self, path: Path) -> None:
         """Take over the weights of a checkpoint."""
         network, info = load_checkpoint(path)
-        if network.config != self._config.network:
-            raise SystemExit(f"{path} holds another architecture: {network.config}")
+        if (network.config, network.tasks) != (self._config.network, self._tasks):
+            raise SystemExit(
+                f"{path} holds another architecture, or other tasks: {network.config} for "
+                f"{', '.join(map(str, network.tasks))}"
+            )
         self._trainer.start_from(network)
         self._parent = parent_record(path, info)
 
@@ -196,7 +218,7 @@ class Run:
             "scenes": trainer.step * config.batch.scenes,
             "minutes": round(trainer.elapsed_s / 60.0, 3),
             "learning_rate": config.optimizer.rate(trainer.step, progress),
-            **dict(zip(map(str, config.batch.tasks), denoising, strict=True)),
+            **dict(zip(self._trained, denoising, strict=True)),
             "focal": torch.stack([losses.focal for losses in window]).mean().item(),
         }
         self._folder.append_curves(line)
@@ -204,7 +226,7 @@ class Run:
         self._console.print(
             f"step {trainer.step}  {line['minutes']:.1f} min, {left_min:.0f} left  "
             f"{line['scenes'] / max(trainer.elapsed_s, 1e-6):.1f} scenes/s  "
-            + "  ".join(f"{task} {line[str(task)]:.4f}" for task in config.batch.tasks)
+            + "  ".join(f"{name} {line[name]:.4f}" for name in self._trained)
             + f"  focal {line['focal']:.5f}",
             highlight=False,
         )
@@ -214,6 +236,8 @@ class Run:
         trainer, config = self._trainer, self._config
         info = CheckpointInfo(
             config=config.network,
+            tasks=self._tasks,
+            workspace=self._workspace,
             training=config.record(),
             seed=config.seed,
             dataset_hash=self._dataset_hash,
@@ -230,7 +254,7 @@ class Run:
 def train(config: TrainConfig, console: Console | None = None) -> None:
     """Train as `config` says; the outcome is in its output folder."""
     console = console or Console(soft_wrap=True)
-    Run(config, MugDataset.open(config.data), console).execute()
+    TrainingRun(config, SceneDataset.open(config.data), console).execute()
 
 
 if __name__ == "__main__":

@@ -90,7 +90,7 @@ class Trainer:
         device = scenes.p_VSs.device
         self._scenes, self._split, self._batch = scenes, split, batch
         self._config, self._bfloat16 = optimizer, bfloat16
-        self.network = SplitNetwork(split).to(device).train()
+        self.network = SplitNetwork(split, scenes.tasks).to(device).train()
         self.average = copy.deepcopy(self.network).eval().requires_grad_(False)
         # The fused kernel is the only one that doesn't cost a tenth of a step on a CPU.
         self._adam = torch.optim.Adam(self.network.parameters(), betas=(0.9, 0.99), fused=True)

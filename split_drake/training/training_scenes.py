@@ -1,5 +1,6 @@
 """A data set as tensors on one device, from which scenes and their true poses are drawn."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, Self
 
@@ -7,11 +8,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from split_drake.data.grasp_candidates import GraspState
+from split_drake.data.dataset import TaskLabels
+from split_drake.data.labels import PoseState
+from split_drake.pose_task import PoseTask
+from split_drake.scene import Workspace
 
 
-class SceneArrays(Protocol):
-    """What a data set offers for S scenes of M mugs, in W; L grasp candidates a mug."""
+class LabelledScenes(Protocol):
+    """What a data set offers for S scenes of M objects, in W."""
 
     @property
     def clouds(self) -> np.ndarray:
@@ -19,130 +23,137 @@ class SceneArrays(Protocol):
 
     @property
     def X_WOs(self) -> np.ndarray:
-        """(S, 4, 4) poses of the mugs."""
+        """(S, 4, 4) poses of the objects."""
 
     @property
-    def mug_index(self) -> np.ndarray:
-        """(S,) which mug each scene shows."""
+    def object_index(self) -> np.ndarray:
+        """(S,) which object each scene shows."""
 
     @property
-    def X_OGs(self) -> np.ndarray:
-        """(M, L, 4, 4) candidates."""
+    def labels(self) -> Mapping[str, TaskLabels]:
+        """{name of a task: its labelled poses}."""
 
     @property
-    def qualities(self) -> np.ndarray:
-        """(M, L) how likely a true grasp is to be drawn, relative to the others of its mug."""
+    def workspace(self) -> Workspace:
+        """The cube that the scenes were cropped to."""
 
-    @property
-    def grasp_states(self) -> np.ndarray:
-        """(S, L) what each candidate is in each scene: a `GraspState`."""
 
-    @property
-    def handles(self) -> np.ndarray:
-        """(S, 2, 4, 4) the two equivalent handle poses."""
+@dataclass(frozen=True)
+class TaskPoses:
+    """The labelled poses of one task as tensors, in their objects' frames.
 
-    @property
-    def uprights(self) -> np.ndarray:
-        """(S, 1, 4, 4) true upright poses."""
+    Attributes:
+        X_OPs: (M, L, 4, 4).
+        weights: (M, L) how likely a true pose is to be drawn, relative to the others.
+        states: (S, L) uint8.
+        has_false: whether some of them are false.
+    """
+
+    X_OPs: Tensor
+    weights: Tensor
+    states: Tensor
+    has_false: bool
+
+    @classmethod
+    def of(cls, labels: TaskLabels, device: torch.device) -> Self:
+        """Return the labels on a device."""
+        return cls(
+            X_OPs=torch.tensor(labels.X_OPs, dtype=torch.float32, device=device),
+            weights=torch.tensor(labels.weights, dtype=torch.float32, device=device),
+            states=torch.tensor(labels.states, dtype=torch.uint8, device=device),
+            has_false=bool((labels.states == PoseState.FALSE).any()),
+        )
 
 
 @dataclass(frozen=True)
 class TrainingScenes:
     """Scenes relative to the workspace's corner V.
 
-    Grasps stay in their mug's frame until they are drawn, so that 30,000 scenes take 0.8 GB.
+    Poses stay in their object's frame until they are drawn, so that 30,000 scenes take 0.8 GB.
 
     Attributes:
         p_VSs: (S, 2000, 3) points.
         X_VOs: (S, 4, 4).
-        mug_index: (S,).
-        X_OGs: (M, L, 4, 4).
-        qualities: (M, L).
-        grasp_states: (S, L) uint8.
-        X_VHs: (S, 2, 4, 4).
-        X_VUs: (S, 1, 4, 4).
+        object_index: (S,).
+        tasks: that are trained, T of them.
+        poses: of each of the tasks.
     """
 
     p_VSs: Tensor
     X_VOs: Tensor
-    mug_index: Tensor
-    X_OGs: Tensor
-    qualities: Tensor
-    grasp_states: Tensor
-    X_VHs: Tensor
-    X_VUs: Tensor
+    object_index: Tensor
+    tasks: tuple[PoseTask, ...]
+    poses: tuple[TaskPoses, ...]
 
     @classmethod
-    def from_arrays(cls, arrays: SceneArrays, p_WV: np.ndarray, device: torch.device) -> Self:
-        """Return the scenes of a data set whose workspace has its corner at `p_WV` (3,).
+    def of(cls, dataset: LabelledScenes, tasks: Sequence[PoseTask], device: torch.device) -> Self:
+        """Return the scenes of a data set with the labels of some of its tasks.
 
-        Raises ValueError where a scene has no true or no false grasp.
+        Raises ValueError where a scene has no true pose of a task, or of one that has false poses
+        no false one.
         """
-        _require_drawable(arrays)
-        offset = torch.tensor(p_WV, dtype=torch.float32, device=device)
-
-        def floats(values: np.ndarray) -> Tensor:
-            return torch.tensor(values, dtype=torch.float32, device=device)
-
-        def poses(X_Ws: np.ndarray) -> Tensor:
-            X = floats(X_Ws)
-            X[..., :3, 3] -= offset
-            return X
-
+        for task in tasks:
+            _require_drawable(dataset, task)
+        offset = torch.tensor(dataset.workspace.p_WV, dtype=torch.float32, device=device)
+        X_VOs = torch.tensor(dataset.X_WOs, dtype=torch.float32, device=device)
+        X_VOs[..., :3, 3] -= offset
+        clouds = torch.tensor(dataset.clouds, dtype=torch.float32, device=device)
         return cls(
-            p_VSs=floats(arrays.clouds).sub_(offset),
-            X_VOs=poses(arrays.X_WOs),
-            mug_index=torch.tensor(arrays.mug_index, dtype=torch.long, device=device),
-            X_OGs=floats(arrays.X_OGs),
-            qualities=floats(arrays.qualities),
-            grasp_states=torch.tensor(arrays.grasp_states, dtype=torch.uint8, device=device),
-            X_VHs=poses(arrays.handles),
-            X_VUs=poses(arrays.uprights),
+            p_VSs=clouds.sub_(offset),
+            X_VOs=X_VOs,
+            object_index=torch.tensor(dataset.object_index, dtype=torch.long, device=device),
+            tasks=tuple(tasks),
+            poses=tuple(TaskPoses.of(dataset.labels[task.name], device) for task in tasks),
         )
 
     def __len__(self) -> int:
         return len(self.p_VSs)
 
-    def true_grasps(self, chosen: Tensor, count: int, generator: torch.Generator) -> Tensor:
-        """Return grasps (B, count, 4, 4) in V of scenes (B,), in proportion to their quality."""
-        true = self.grasp_states[chosen] == GraspState.TRUE
-        return self._grasps(chosen, self.qualities[self.mug_index[chosen]] * true, count, generator)
-
-    def false_grasps(self, chosen: Tensor, count: int, generator: torch.Generator) -> Tensor:
-        """Return grasps (B, count, 4, 4) in V that do not hold, or not in those scenes (B,)."""
-        false = self.grasp_states[chosen] == GraspState.FALSE
-        return self._grasps(chosen, false.float(), count, generator)
-
-    def handles(self, chosen: Tensor, count: int, generator: torch.Generator) -> Tensor:
-        """Return handle poses (B, count, 4, 4) in V of the scenes (B,)."""
-        return _pick(self.X_VHs[chosen], count, generator)
-
-    def uprights(self, chosen: Tensor, count: int, generator: torch.Generator) -> Tensor:
-        """Return upright poses (B, count, 4, 4) in V of the scenes (B,)."""
-        return _pick(self.X_VUs[chosen], count, generator)
-
-    def _grasps(
-        self, chosen: Tensor, weights: Tensor, count: int, generator: torch.Generator
+    def true_poses(
+        self, task: int, chosen: Tensor, count: int, generator: torch.Generator
     ) -> Tensor:
-        """Return candidates (B, count, 4, 4) in V, drawn with probabilities ~ weights (B, L)."""
+        """Return poses (B, count, 4, 4) in V of scenes (B,), in proportion to their weights.
+
+        `task` is an index into `tasks`.
+        """
+        poses = self.poses[task]
+        true = poses.states[chosen] == PoseState.TRUE
+        weights = poses.weights[self.object_index[chosen]] * true
+        return self._draw(poses, chosen, weights, count, generator)
+
+    def false_poses(
+        self, task: int, chosen: Tensor, count: int, generator: torch.Generator
+    ) -> Tensor:
+        """Return poses (B, count, 4, 4) in V that are false, at least in those scenes (B,)."""
+        poses = self.poses[task]
+        weights = (poses.states[chosen] == PoseState.FALSE).float()
+        return self._draw(poses, chosen, weights, count, generator)
+
+    def _draw(
+        self,
+        poses: TaskPoses,
+        chosen: Tensor,
+        weights: Tensor,
+        count: int,
+        generator: torch.Generator,
+    ) -> Tensor:
+        """Return poses (B, count, 4, 4) in V, drawn with probabilities ~ weights (B, L)."""
         if count == 0:  # which torch.multinomial refuses
-            return self.X_OGs.new_empty((len(chosen), 0, 4, 4))
+            return poses.X_OPs.new_empty((len(chosen), 0, 4, 4))
         drawn = torch.multinomial(weights, count, replacement=True, generator=generator)
-        X_OGs = self.X_OGs[self.mug_index[chosen][:, None], drawn]
-        return self.X_VOs[chosen][:, None] @ X_OGs
+        X_OPs = poses.X_OPs[self.object_index[chosen][:, None], drawn]
+        return self.X_VOs[chosen][:, None] @ X_OPs
 
 
-def _pick(X: Tensor, count: int, generator: torch.Generator) -> Tensor:
-    """Return `count` random poses of each scene, (B, count, 4, 4) of (B, N, 4, 4)."""
-    index = torch.randint(X.shape[1], (len(X), count), generator=generator, device=X.device)
-    return X[torch.arange(len(X), device=X.device)[:, None], index]
-
-
-def _require_drawable(arrays: SceneArrays) -> None:
-    """Raise ValueError naming a scene without true, or without false grasps."""
-    true = (arrays.grasp_states == GraspState.TRUE) & (arrays.qualities[arrays.mug_index] > 0.0)
-    false = arrays.grasp_states == GraspState.FALSE
-    for states, kind in ((true, "true grasp of positive quality"), (false, "false grasp")):
+def _require_drawable(dataset: LabelledScenes, task: PoseTask) -> None:
+    """Raise ValueError naming a scene without a true, or without a false pose of a task."""
+    labels = dataset.labels[task.name]
+    true = (labels.states == PoseState.TRUE) & (labels.weights[dataset.object_index] > 0.0)
+    false = labels.states == PoseState.FALSE
+    wanted = [(true, f"true {task} pose of positive weight")]
+    if false.any():
+        wanted.append((false, f"false {task} pose"))
+    for states, kind in wanted:
         if len(missing := np.flatnonzero(~states.any(axis=1))):
             raise ValueError(
                 f"{len(missing)} of {len(states)} scenes, {missing[0]} the first, have no {kind}; "

@@ -1,7 +1,4 @@
-"""Ground truth: the simulator's state, and the true pose sets of a mug.
-
-Nothing else reads the simulator's state; detectors and planners see depth images only.
-"""
+"""The true pose sets of an object, by the simulator's state."""
 
 from collections.abc import Sequence
 
@@ -9,24 +6,27 @@ import numpy as np
 
 from split_drake.grasps.judge import feasible
 from split_drake.grasps.sampling import GraspLabels
-from split_drake.objects.mug_shape import MugShape
+from split_drake.objects.task_object import TaskObject
 from split_drake.pose_set import PoseSet
-from split_drake.pose_task import PoseTask
+from split_drake.pose_task import GRASP, PoseTask, find_tasks
 from split_drake.poses import Array
 from split_drake.scene import Scene
 from split_drake.truth.state import Truth
 
 
 class OracleDetector:
-    """Returns the true pose sets of a mug, whatever the scene shows; a PoseDetector.
+    """Returns the true pose sets of an object, whatever the scene shows; a PoseDetector.
 
-    Grasps come from the labels that are feasible as the mug lies, ranked by their quality; the
-    handle's two symmetric poses and the upright pose have score 1.
+    Grasps come from the labels that are feasible as the object lies, ranked by their quality; the
+    poses of its other tasks, those that mean the same after a half turn both, have score 1.
+
+    Attributes:
+        tasks: that it knows: grasps, and those of the object.
 
     Args:
         truth: of the station.
-        mug: the shape of object `index`.
-        labels: of that mug.
+        subject: object `index`.
+        labels: grasps of that object.
         index: which object it is.
         max_grasps: a random subset of this many grasps is returned where there are more.
     """
@@ -34,28 +34,33 @@ class OracleDetector:
     def __init__(
         self,
         truth: Truth,
-        mug: MugShape,
+        subject: TaskObject,
         labels: GraspLabels,
         index: int = 0,
         max_grasps: int = 512,
     ) -> None:
+        self.tasks = (GRASP, *subject.X_OPs)
         self._truth = truth
-        self._mug = mug
+        self._subject = subject
         self._labels = labels
         self._index = index
         self._max_grasps = max_grasps
 
     def detect(
-        self, scene: Scene, tasks: Sequence[PoseTask], rng: np.random.Generator
-    ) -> dict[PoseTask, PoseSet]:
-        """Return one pose set for each of `tasks`; the grasps' set is empty if none is feasible."""
+        self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
+    ) -> dict[str, PoseSet]:
+        """Return a pose set for each of `tasks`; the grasps' set is empty if none is feasible.
+
+        Raises UnknownTaskError naming the tasks of the object, for any other.
+        """
         X_WO = self._truth.X_WO(self._index)
-        return {task: self._pose_set(task, X_WO, rng) for task in tasks}
+        known = find_tasks(tasks, self.tasks, self._subject.name)
+        return {task.name: self._pose_set(task, X_WO, rng) for task in known}
 
     def _pose_set(self, task: PoseTask, X_WO: Array, rng: np.random.Generator) -> PoseSet:
-        if task is PoseTask.GRASP:
+        if task == GRASP:
             return self._grasps(X_WO, rng)
-        X_WPs = self._mug.handle_poses(X_WO) if task is PoseTask.HANDLE else X_WO[None]
+        X_WPs = self._subject.true_poses(task, X_WO)
         return PoseSet(task, X_WPs, np.ones(len(X_WPs)))
 
     def _grasps(self, X_WO: Array, rng: np.random.Generator) -> PoseSet:
@@ -63,4 +68,4 @@ class OracleDetector:
         kept = np.flatnonzero(feasible(X_WO, labels.X_OGs, labels.openings_m))
         if len(kept) > self._max_grasps:
             kept = rng.choice(kept, self._max_grasps, replace=False)
-        return PoseSet.ranked(PoseTask.GRASP, X_WO @ labels.X_OGs[kept], labels.qualities[kept])
+        return PoseSet.ranked(GRASP, X_WO @ labels.X_OGs[kept], labels.qualities[kept])

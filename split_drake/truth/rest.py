@@ -1,3 +1,5 @@
+"""When an object has come to rest."""
+
 import numpy as np
 
 from split_drake.poses import Array, rotation_error_rad
@@ -8,7 +10,7 @@ from split_drake.truth.state import Truth
 REST_S = 0.2
 REST_DISTANCE_M = 0.0005
 REST_TURN_RAD = np.radians(0.3)
-_SAMPLE_S = 0.01
+WATCH_STEP_S = 0.01
 
 
 def wait_for_rest(station: Station, truth: Truth, index: int, timeout_s: float) -> bool:
@@ -20,7 +22,7 @@ def wait_for_rest(station: Station, truth: Truth, index: int, timeout_s: float) 
     deadline_s = station.time_s + timeout_s
     X_WStart, since_s = truth.X_WO(index), station.time_s
     while station.time_s < deadline_s:
-        station.advance(_SAMPLE_S)
+        station.advance(WATCH_STEP_S)
         X_WO = truth.X_WO(index)
         if _moved(X_WStart, X_WO):
             X_WStart, since_s = X_WO, station.time_s

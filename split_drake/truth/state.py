@@ -1,3 +1,5 @@
+"""The simulator's state, which nothing but this room reads."""
+
 from collections.abc import Collection
 from dataclasses import dataclass
 

@@ -10,7 +10,7 @@ from split_drake.poses import Array, invert_pose, transform_points
 from split_drake.station.fixtures import HOOK_BODY, TABLE_BODY
 from split_drake.station.layout import Layout
 from split_drake.station.station import Station
-from split_drake.truth.rest import _SAMPLE_S, axis_tilt_rad, wait_for_rest
+from split_drake.truth.rest import WATCH_STEP_S, axis_tilt_rad, wait_for_rest
 from split_drake.truth.state import Truth
 
 HANG_WAIT_S = 3.0
@@ -44,8 +44,8 @@ def hang_verdict(
     station.advance(max(0.0, release_time_s + HANG_WAIT_S - station.time_s))
     for _ in range(2):
         touched = False
-        for _ in range(round(HANG_WATCH_S / 2.0 / _SAMPLE_S)):
-            station.advance(_SAMPLE_S)
+        for _ in range(round(HANG_WATCH_S / 2.0 / WATCH_STEP_S)):
+            station.advance(WATCH_STEP_S)
             fault = _hang_fault(truth, mug, station.config.layout, index)
             if fault:
                 return Verdict(False, fault)

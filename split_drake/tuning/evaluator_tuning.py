@@ -10,15 +10,14 @@ import torch
 from torch import Tensor
 
 from split_drake.evaluation.calibration import area_under_curve
-from split_drake.pose_task import PoseTask
+from split_drake.pose_task import GRASP
 from split_drake.poses import Array
-from split_drake.scene import Workspace
-from split_drake.split.network import TASKS, SplitConfig, SplitNetwork
+from split_drake.split.network import SplitConfig, SplitNetwork
 from split_drake.training.augmentation import (
     AugmentationConfig,
     Similarity,
     add_noise,
-    half_turned,
+    turned_alike,
     voxelize,
 )
 from split_drake.training.batches import BatchConfig, draw_batch
@@ -43,8 +42,8 @@ class TuneConfig:
         steps: optimiser steps.
         learning_rate: of Adam at the first step; it falls to 0 like a cosine.
         seed: of the batches.
-        batch: scenes, handles, uprights and false grasps in a step; there are as many scenes again
-            of judged grasps, all of a scene's at once.
+        batch: scenes, poses of other tasks and false grasps in a step; there are as many scenes
+            again of judged grasps, all of a scene's at once.
     """
 
     judged: Path
@@ -54,12 +53,12 @@ class TuneConfig:
     steps: int = 3000
     learning_rate: float = 3e-4
     seed: int = 0
-    batch: BatchConfig = field(default_factory=lambda: BatchConfig(grasps=0))
+    batch: BatchConfig = field(default_factory=lambda: BatchConfig(poses_of={GRASP.name: 0}))
 
     def __post_init__(self) -> None:
-        if self.batch.grasps:
+        if count := self.batch.count(GRASP):
             raise ValueError(
-                f"batch.grasps is {self.batch.grasps}; expected 0: the judged ones take their place"
+                f"batch.poses_of has {count} grasps; expected 0: the judged ones take their place"
             )
 
 
@@ -90,7 +89,7 @@ class JudgedScenes:
 
     @classmethod
     def _of(cls, judged: JudgedGrasps, rows: np.ndarray) -> Self:
-        p_WV = torch.tensor(Workspace().p_WV, dtype=torch.float32)
+        p_WV = torch.tensor(judged.workspace.p_WV, dtype=torch.float32)
         X_VGs = torch.tensor(judged.sampled[rows])
         X_VGs[..., :3, 3] -= p_WV
         return cls(
@@ -107,7 +106,7 @@ class JudgedScenes:
         chosen = torch.randint(len(self), (batch.scenes,), generator=generator)
         similarity = Similarity.draw(batch.scenes, batch.augmentation, split, generator)
         points = similarity.points(self.p_VSs[chosen])
-        X_VGs = half_turned(similarity.poses(self.X_VGs[chosen]), generator)
+        X_VGs = turned_alike(similarity.poses(self.X_VGs[chosen]), GRASP.symmetry, generator)
         occupied = voxelize(add_noise(points, batch.augmentation, generator), split)
         return occupied, X_VGs, self.held[chosen]
 
@@ -119,7 +118,7 @@ def evaluator_logits(
 
     Args:
         occupied: (B, r, r, r) voxels.
-        tasks: (G,) indices into `TASKS` of the G groups that a scene's poses fall into.
+        tasks: (G,) indices into the network's tasks of the G groups that a scene's poses fall into.
     """
     with torch.no_grad():
         context = network.local_context(network.encode(occupied), X_VPs)
@@ -136,7 +135,7 @@ def ranking_quality(network: SplitNetwork, judged: JudgedScenes) -> dict[str, fl
     """
     generator = torch.Generator().manual_seed(0)
     noise = AugmentationConfig(noise_m=(MEASURED_NOISE_M, MEASURED_NOISE_M))
-    grasp = torch.tensor([TASKS.index(PoseTask.GRASP)])
+    grasp = torch.tensor([network.tasks.index(GRASP)])
     logits: list[Array] = []
     for p_VSs, X_VGs in zip(judged.p_VSs.split(16), judged.X_VGs.split(16), strict=True):
         occupied = voxelize(add_noise(p_VSs, noise, generator), network.config)
@@ -161,7 +160,7 @@ def tune_steps(
     adam = torch.optim.Adam(tuned, config.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, config.steps)
     generator = torch.Generator().manual_seed(config.seed)
-    grasp = torch.tensor([TASKS.index(PoseTask.GRASP)])
+    grasp = torch.tensor([network.tasks.index(GRASP)])
     for _ in range(config.steps):
         batch = draw_batch(scenes, config.batch, network.config, generator)
         occupied, X_VGs, held = judged.draw(config.batch, network.config, generator)

@@ -15,9 +15,10 @@ also what evaluations ask.  A shard depends on the seed and its mug alone; shard
 kept.
 """
 
+import json
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
@@ -28,14 +29,15 @@ from numpy.typing import NDArray
 from rich.progress import track
 
 from split_drake.evaluation.judgement import judge_grasps
-from split_drake.evaluation.scenes import EvalMug
+from split_drake.evaluation.scenes import EvalMugs, EvalSubject
 from split_drake.evaluation.task_records import GraspTrials
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import file_sha256
-from split_drake.experiments.run import claim_folder
+from split_drake.experiments.run import CONFIG, claim_folder
 from split_drake.files import replacing
-from split_drake.pose_task import PoseTask
-from split_drake.scene import Scene
+from split_drake.objects.mug_source import MugSource
+from split_drake.pose_task import GRASP
+from split_drake.scene import Scene, Workspace
 from split_drake.split.detector import SamplerConfig, SplitDetector
 from split_drake.station.layout import Layout
 from split_drake.training.augmentation import AugmentationConfig
@@ -82,12 +84,14 @@ class JudgeConfig:
         }
 
 
-def judge_scene(mug: EvalMug, detector: SplitDetector, rng: np.random.Generator) -> Shard:
+def judge_scene(
+    mug: EvalSubject, detector: SplitDetector, workspace: Workspace, rng: np.random.Generator
+) -> Shard:
     """Return the arrays of one scene; points are as noisy as any that the model is trained on."""
     scene = mug.draw(rng)
-    seen = Scene(scene.p_WPs, scene.p_WSs, Layout().workspace)
+    seen = Scene(scene.p_WPs, scene.p_WSs, workspace)
     seen = seen.with_noise(rng.uniform(*AugmentationConfig().noise_m), rng)
-    X_WGs = detector.sample(seen, (PoseTask.GRASP,), rng)[PoseTask.GRASP].X_WPs
+    X_WGs = detector.sample(seen, (GRASP,), rng)[GRASP.name].X_WPs
     judgement = judge_grasps(X_WGs, mug.judge, scene.X_WO)
     trials = GraspTrials(mug.hand, scene.X_WO, X_WGs, judgement)
     held = np.array([not trials.fault(number) for number in range(len(X_WGs))])
@@ -98,13 +102,16 @@ def judge_scene(mug: EvalMug, detector: SplitDetector, rng: np.random.Generator)
     }
 
 
-def write_judged(config: JudgeConfig, name: str) -> None:
-    """Draw and try the grasps of mug `name`, and write them at once or not at all."""
+def write_judged(config: JudgeConfig, layout: Layout, name: str) -> None:
+    """Draw and try the grasps of training mug `name`, and write them at once or not at all."""
     sampler = SamplerConfig(samples=config.samples)
     detector = SplitDetector.from_checkpoint(config.checkpoint, sampler)
-    mug = EvalMug.of_split(name)
-    rng = np.random.default_rng([config.seed, int(name.rpartition("_")[2])])
-    scenes = [judge_scene(mug, detector, rng) for _ in range(config.scenes_per_mug)]
+    mugs = EvalMugs(MugSource("train"), layout)
+    number = list(mugs.names()).index(name)
+    mug, rng = mugs.make(number, config.seed), np.random.default_rng([config.seed, number])
+    scenes = [
+        judge_scene(mug, detector, layout.workspace, rng) for _ in range(config.scenes_per_mug)
+    ]
     with replacing(config.out / f"{name}.npz") as temporary:
         np.savez(
             temporary,
@@ -113,12 +120,14 @@ def write_judged(config: JudgeConfig, name: str) -> None:
         )
 
 
-def judge(config: JudgeConfig, names: Sequence[str]) -> None:
-    """Write the shards of the mugs `names` that are missing."""
-    claim_folder(config.out, config.record())
+def judge(config: JudgeConfig, names: Sequence[str], layout: Layout) -> None:
+    """Write the shards of the training mugs `names` that are missing."""
+    claim_folder(config.out, config.record() | {"workspace": asdict(layout.workspace)})
     missing = [name for name in names if not (config.out / f"{name}.npz").exists()]
     start_worker = partial(torch.set_num_threads, 1)
-    pool = WorkerPool(partial(write_judged, config), config.workers, start_worker=start_worker)
+    pool = WorkerPool(
+        partial(write_judged, config, layout), config.workers, start_worker=start_worker
+    )
     for _ in track(pool.run(missing), "mugs", total=len(missing)):
         pass
 
@@ -131,6 +140,7 @@ class JudgedGrasps:
         clouds, sampled, held: see the module.
         mug_index: (S,) which mug each scene shows.
         mugs: how many there are.
+        workspace: that the scenes were cropped to.
     """
 
     clouds: NDArray[np.float32]
@@ -138,6 +148,7 @@ class JudgedGrasps:
     held: NDArray[np.bool_]
     mug_index: NDArray[np.int_]
     mugs: int
+    workspace: Workspace
 
     @classmethod
     def open(cls, folder: Path, names: Sequence[str]) -> Self:
@@ -154,4 +165,6 @@ class JudgedGrasps:
                 shards.append({key: archive[key] for key in ("clouds", "sampled", "held")})
         arrays = {key: np.concatenate([shard[key] for shard in shards]) for key in shards[0]}
         index = np.repeat(np.arange(len(names)), [len(shard["held"]) for shard in shards])
-        return cls(**arrays, mug_index=index, mugs=len(names))
+        fields = json.loads((folder / CONFIG).read_text())["workspace"]
+        workspace = Workspace.from_fields(fields)
+        return cls(**arrays, mug_index=index, mugs=len(names), workspace=workspace)

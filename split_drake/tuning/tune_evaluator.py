@@ -18,11 +18,11 @@ import torch
 import tyro
 from rich.console import Console
 
-from split_drake.data.dataset import MugDataset
+from split_drake.data.dataset import SceneDataset
 from split_drake.experiments.provenance import git_commit
 from split_drake.objects.mugs.split import mug_names
-from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
+from split_drake.station.layout import Layout
 from split_drake.training.train import parent_record
 from split_drake.training.training_scenes import TrainingScenes
 from split_drake.tuning.evaluator_tuning import (
@@ -40,8 +40,8 @@ def tune(config: TuneConfig) -> None:
     """Tune, print what it brought on mugs that were held out, and write the checkpoint."""
     console = Console(soft_wrap=True)
     network, info = load_checkpoint(config.init)
-    dataset = MugDataset.open(config.data)
-    scenes = TrainingScenes.from_arrays(dataset, Workspace().p_WV, torch.device("cpu"))
+    dataset = SceneDataset.open(config.data)
+    scenes = TrainingScenes.of(dataset, network.tasks, torch.device("cpu"))
     judged = JudgedGrasps.open(config.judged, mug_names("train"))
     used, held_out = JudgedScenes.split(judged)
     before = ranking_quality(network, held_out)
@@ -79,7 +79,7 @@ def _tuned_info(
 def main(config: JudgeConfig | TuneConfig) -> None:
     """Run one of the two commands."""
     if isinstance(config, JudgeConfig):
-        judge(config, mug_names("train"))
+        judge(config, mug_names("train"), Layout())
     else:
         tune(config)
 

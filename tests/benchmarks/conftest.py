@@ -61,7 +61,9 @@ def measure(
     def run(call: Callable[[], Any]) -> None:
         flops = flops_of(call)
         benchmark(torch.inference_mode()(call))
-        flops_per_s = flops / benchmark.stats["median"]
+        assert benchmark.stats is not None  # the call above sets them
+        median_s = benchmark.stats["median"]
+        flops_per_s = flops / median_s
         benchmark.extra_info |= {
             "threads": threads,
             "gflop": flops / 1e9,
@@ -69,7 +71,7 @@ def measure(
             "peak_gflop_per_s": peak_flops / 1e9,
             "share_of_peak": flops_per_s / peak_flops,
         }
-        row = {"name": request.node.name, "median_s": benchmark.stats["median"]}
+        row = {"name": request.node.name, "median_s": median_s}
         request.config.stash.setdefault(ROWS, []).append(row | benchmark.extra_info)
 
     return run

@@ -9,11 +9,12 @@ import torch
 import trimesh
 
 from split_drake.objects.mugs.split import load_mug
+from split_drake.pose_task import MUG_TASKS
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.detector import SamplerConfig, SplitDetector
 from split_drake.split.inference import ScenePredictor
-from split_drake.split.network import TASKS, SplitNetwork
+from split_drake.split.network import SplitNetwork
 from split_drake.split.se3 import compose, uniform_rotations
 
 Measure = Callable[[Callable[[], Any]], None]
@@ -44,7 +45,7 @@ def occupied(scene: Scene) -> torch.Tensor:
 def poses() -> torch.Tensor:
     """Return as many poses a task (T, N, 4, 4) as are sampled, anywhere in the cube."""
     generator = torch.Generator().manual_seed(0)
-    shape = (len(TASKS), SAMPLES)
+    shape = (len(MUG_TASKS), SAMPLES)
     p_VPs = Workspace().edge_m * torch.rand((*shape, 3), generator=generator)
     return compose(uniform_rotations(shape, generator), p_VPs)
 
@@ -57,12 +58,12 @@ def test_one_score_evaluation(
     measure: Measure, network: SplitNetwork, occupied: torch.Tensor, poses: torch.Tensor
 ) -> None:
     with torch.inference_mode():
-        predictor = ScenePredictor(network, occupied, TASKS)
+        predictor = ScenePredictor(network, occupied, MUG_TASKS)
     measure(lambda: predictor.score(poses, 0.3))
 
 
 def test_detection_of_three_pose_sets(
     measure: Measure, network: SplitNetwork, scene: Scene
 ) -> None:
-    detector = SplitDetector(network)
-    measure(lambda: detector.detect(scene, TASKS, np.random.default_rng(0)))
+    detector = SplitDetector(network, scene.workspace)
+    measure(lambda: detector.detect(scene, MUG_TASKS, np.random.default_rng(0)))

@@ -1,4 +1,4 @@
-"""Rests and checked grasps of a mug, made by hand in place of physics."""
+"""Rests and checked grasps of an object, made by hand in place of physics."""
 
 import numpy as np
 
@@ -6,10 +6,10 @@ from split_drake.data.rests import Rests
 from split_drake.grasps.free_hand import MAX_SLIP_M
 from split_drake.grasps.sampling import sample_grasps
 from split_drake.grasps.store import CheckedGrasps
-from split_drake.objects.mug_shape import MugShape
+from split_drake.objects.task_object import TaskObject
 from split_drake.poses import make_pose, rotation_x, rotation_y, rotation_z
 
-# Upright, on the side with the handle beside it, and on the side with the handle up.
+# Upright, on the side with a mug's handle beside it, and on the side with the handle up.
 R_TOS = (
     np.eye(3),
     rotation_x(np.pi / 2.0) @ rotation_z(0.2),
@@ -17,19 +17,19 @@ R_TOS = (
 )
 
 
-def make_rests(mug: MugShape) -> Rests:
-    """Return three poses, the middle of the mug's bounding box above T."""
+def make_rests(subject: TaskObject) -> Rests:
+    """Return three poses, the middle of the object's bounding box above T."""
     X_TOs = []
     for R_TO in R_TOS:
-        p_Ts = mug.body.mesh.vertices @ R_TO.T
+        p_Ts = subject.body.mesh.vertices @ R_TO.T
         middle = (p_Ts.min(axis=0) + p_Ts.max(axis=0)) / 2.0
         X_TOs.append(make_pose(R_TO, (-middle[0], -middle[1], -p_Ts[:, 2].min())))
     return Rests(np.stack(X_TOs), dropped=len(X_TOs))
 
 
-def make_checked(mug: MugShape, count: int = 60) -> CheckedGrasps:
+def make_checked(subject: TaskObject, count: int = 60) -> CheckedGrasps:
     """Return geometric grasps, of which every fifth is said to slip."""
-    labels = sample_grasps(mug, np.random.default_rng(0), positives=count, negatives=3)
+    labels = sample_grasps(subject.body, np.random.default_rng(0), positives=count, negatives=3)
     holds = np.arange(len(labels.X_OGs)) % 5 > 0
     return CheckedGrasps(
         X_OGs=labels.X_OGs,

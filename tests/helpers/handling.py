@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 
 from planning.execution.executor import Executor
+from planning.goals.upright import SUBGOAL as REORIENT
 from planning.handling.attempts import AttemptLimits, Perception
-from planning.handling.handler import Handled, Handler
+from planning.handling.handler import Handler, PickOutcome
 from planning.handling.held_view import HeldView
-from planning.problem import Plan, PlanFailure, PlanningProblem, Segment, Stage, Subgoal
+from planning.problem import Plan, PlanFailure, PlanningProblem, Segment, Stage
 from split_drake.poses import Array
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.scene import Scene, Workspace
 from split_drake.station.layout import Layout
-from tests.helpers.planning import UPRIGHT, mug_problem, reorient_plan
+from tests.helpers.planning import STANDING, mug_problem, reorient_plan
 from tests.helpers.robot import PerfectRobot
 
 WIDTH_M = 0.010
@@ -47,12 +48,12 @@ def handle(
     on_step: Callable[[Segment], None] | None = None,
     limits: AttemptLimits | None = None,
     plan: Plan | None = None,
-) -> Handled:
-    problem = mug_problem(Subgoal.REORIENT, UPRIGHT)
+) -> PickOutcome:
+    problem = mug_problem(REORIENT, STANDING)
     scene = Scene(problem.p_WPs, problem.p_WPs[:2000], Workspace())
     perception = Perception(scene, problem.pose_sets, 0.1)
     handler = Handler(planner, Executor(robot, on_step), Layout(), limits or AttemptLimits())
-    return handler.run(plan or reorient_plan(), perception, 0.5, np.random.default_rng(0))
+    return handler.handle(plan or reorient_plan(), perception, 0.5, np.random.default_rng(0))
 
 
 def sees(monkeypatch: pytest.MonkeyPatch, X_GE: Array) -> None:
@@ -61,7 +62,7 @@ def sees(monkeypatch: pytest.MonkeyPatch, X_GE: Array) -> None:
     )
 
 
-def failures(handled: Handled) -> list[Stage | None]:
+def failures(handled: PickOutcome) -> list[Stage | None]:
     return [attempt.failure[0] for attempt in handled.attempts]
 
 

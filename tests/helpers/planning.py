@@ -4,14 +4,17 @@ from functools import cache
 
 import numpy as np
 
+from planning.goals.upright import SUBGOAL as REORIENT
 from planning.motion.ik import solve_ik
 from planning.pick_place.pick import Q_COMFORT
 from planning.planner import make_planner
-from planning.problem import Plan, PlanningProblem, Subgoal
+from planning.problem import Plan, PlanningProblem
+from planning.subgoal import Subgoal
 from split_drake.pose_set import PoseSet
-from split_drake.pose_task import HANDLE_FLIP, PoseTask
+from split_drake.pose_task import GRASP, HANDLE, UPRIGHT
 from split_drake.poses import Array, make_pose, rotation_x, rotation_z, transform_points
 from split_drake.robot.panda import Q_HOME
+from split_drake.station.layout import Layout
 
 RADIUS_M = 0.034
 WALL_M = 0.004
@@ -20,7 +23,7 @@ HANDLE_RADIUS_M = 0.024
 HANDLE_TUBE_M = 0.005
 X_OH = make_pose(p=(RADIUS_M + 0.014, 0.0, HEIGHT_M / 2.0))
 
-UPRIGHT = make_pose(rotation_z(0.7), (0.5, 0.02, 0.0))
+STANDING = make_pose(rotation_z(0.7), (0.5, 0.02, 0.0))
 LYING = make_pose(rotation_z(2.0) @ rotation_x(np.pi / 2.0), (0.5, 0.04, RADIUS_M))
 
 
@@ -82,11 +85,12 @@ def mug_problem(subgoal: Subgoal, X_WO: Array) -> PlanningProblem:
     X_WGs = X_WGs[X_WGs[:, 2, 2] < 0.2]
     X_WH = X_WO @ X_OH
     pose_sets = {
-        PoseTask.GRASP: PoseSet(PoseTask.GRASP, X_WGs, np.ones(len(X_WGs))),
-        PoseTask.HANDLE: PoseSet(PoseTask.HANDLE, np.stack([X_WH, X_WH @ HANDLE_FLIP]), np.ones(2)),
-        PoseTask.UPRIGHT: PoseSet(PoseTask.UPRIGHT, X_WO[None], np.ones(1)),
+        "grasp": PoseSet(GRASP, X_WGs, np.ones(len(X_WGs))),
+        "handle": PoseSet(HANDLE, np.stack([X_WH, X_WH @ HANDLE.symmetry.X_half_turn]), np.ones(2)),
+        "upright": PoseSet(UPRIGHT, X_WO[None], np.ones(1)),
     }
-    return PlanningProblem(subgoal, pose_sets, transform_points(X_WO, mug_cloud()), Q_HOME)
+    p_WPs = transform_points(X_WO, mug_cloud())
+    return PlanningProblem(subgoal, pose_sets, p_WPs, Q_HOME, Layout())
 
 
 def configuration(p_WG: tuple[float, float, float]) -> Array:
@@ -97,7 +101,7 @@ def configuration(p_WG: tuple[float, float, float]) -> Array:
 @cache
 def reorient_plan() -> Plan:
     """Return a plan that takes the standing mug and stands it up elsewhere."""
-    problem = mug_problem(Subgoal.REORIENT, UPRIGHT)
+    problem = mug_problem(REORIENT, STANDING)
     found = make_planner("default").plan(problem, np.random.default_rng(0))
     if not isinstance(found, Plan):
         raise RuntimeError(f"the made-up mug's problem has no plan: {found.reason}")

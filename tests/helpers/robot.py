@@ -31,7 +31,7 @@ class PerfectRobot:
     @property
     def joint_torques_nm(self) -> Array:
         normal = np.array(self.normal_W)
-        depth = max(0.0, self.floor_m - normal @ gripper_pose(self.q)[:3, 3])
+        depth = max(0.0, self.floor_m - float(normal @ gripper_pose(self.q)[:3, 3]))
         return gripper_jacobian(self.q).T @ (-20e3 * depth * normal)
 
     def command(self, q: Array, v: Array, opening_m: float, force_n: float) -> None:

@@ -9,30 +9,25 @@ import pytest
 
 from planning.checking.trajectory_check import TrajectoryChecker
 from planning.geometry.perceived import PerceivedObject, revolved_body, voxel_centroids
-from planning.goals.hang import freest_axis
+from planning.goals.hang import STILL_AFTER_S, freest_axis
+from planning.goals.hang import SUBGOAL as HANG
+from planning.goals.upright import SUBGOAL as REORIENT
 from planning.motion.segment_builder import executed_s
 from planning.motion.timing import rest
-from planning.pick_place.segments import before_watch, late
+from planning.pick_place.segments import moves_after, shortened
 from planning.planner import Planner, make_planner, planner_names, register_planner
-from planning.problem import (
-    AllowedContact,
-    Plan,
-    PlanFailure,
-    PlanningProblem,
-    SegmentName,
-    Stage,
-    Subgoal,
-)
+from planning.problem import Plan, PlanFailure, PlanningProblem, SegmentName, Stage
+from planning.subgoal import AllowedContact
 from split_drake.pose_set import PoseSet
-from split_drake.pose_task import PoseTask
+from split_drake.pose_task import GRASP, HANDLE, PoseTask
 from split_drake.poses import Array, make_pose, transform_points
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.station.layout import HookShape, Layout, same_fixtures
-from tests.helpers.planning import LYING, RADIUS_M, UPRIGHT, WALL_M, mug_cloud, mug_problem
+from tests.helpers.planning import LYING, RADIUS_M, STANDING, WALL_M, mug_cloud, mug_problem
 
 CASES = {
-    "hang": (Subgoal.HANG, UPRIGHT),
-    "reorient": (Subgoal.REORIENT, LYING),
+    "hang": (HANG, STANDING),
+    "reorient": (REORIENT, LYING),
 }
 
 
@@ -102,28 +97,28 @@ def test_the_same_seed_gives_the_same_plan() -> None:
 
 def without(problem: PlanningProblem, task: PoseTask) -> PlanningProblem:
     empty = PoseSet(task, np.empty((0, 4, 4)), np.empty(0))
-    return replace(problem, pose_sets={**problem.pose_sets, task: empty})
+    return replace(problem, pose_sets={**problem.pose_sets, task.name: empty})
 
 
-@pytest.mark.parametrize("task", [PoseTask.GRASP, PoseTask.HANDLE])
+@pytest.mark.parametrize("task", [GRASP, HANDLE])
 def test_empty_pose_sets_are_failures_of_perception(task: PoseTask) -> None:
-    problem = without(mug_problem(Subgoal.HANG, UPRIGHT), task)
+    problem = without(mug_problem(HANG, STANDING), task)
     failure = planner().plan(problem, np.random.default_rng(0))
     assert isinstance(failure, PlanFailure)
     assert failure.stage is Stage.PERCEPTION
-    assert task.value in failure.reason or "goal" in failure.reason
+    assert task.name in failure.reason or "goal" in failure.reason
 
 
 def test_an_unreachable_object_is_rejected_by_ik() -> None:
     far = make_pose(p=(1.4, 0.0, 0.0))
-    failure = planner().plan(mug_problem(Subgoal.HANG, far), np.random.default_rng(0))
+    failure = planner().plan(mug_problem(HANG, far), np.random.default_rng(0))
     assert isinstance(failure, PlanFailure)
     assert failure.stage is Stage.PLANNING
     assert failure.reason.startswith("0 of") and "IK" in failure.reason
 
 
 def test_a_walled_in_object_is_rejected_by_collisions() -> None:
-    problem = mug_problem(Subgoal.HANG, UPRIGHT)
+    problem = mug_problem(HANG, STANDING)
     lid = np.stack(np.meshgrid(np.arange(0.3, 0.7, 0.01), np.arange(-0.2, 0.2, 0.01), 0.16), -1)
     covered = np.concatenate([problem.p_WPs, lid.reshape(-1, 3)])
     failure = planner().plan(replace(problem, p_WPs=covered), np.random.default_rng(0))
@@ -133,8 +128,8 @@ def test_a_walled_in_object_is_rejected_by_collisions() -> None:
 
 
 def test_a_handle_whose_opening_is_filled_is_no_goal() -> None:
-    problem = mug_problem(Subgoal.HANG, UPRIGHT)
-    X_WH = problem.pose_sets[PoseTask.HANDLE].X_WPs[0]
+    problem = mug_problem(HANG, STANDING)
+    X_WH = problem.pose_sets["handle"].X_WPs[0]
     x, z = np.meshgrid(*2 * [np.linspace(-0.02, 0.02, 9)])
     plug = transform_points(X_WH, np.column_stack([x.ravel(), 0.0 * x.ravel(), z.ravel()]))
     assert freest_axis(X_WH, problem.p_WPs)[1] > Layout().hook.peg_radius_m
@@ -175,11 +170,11 @@ def test_a_withdrawal_that_lasts_too_long_is_dropped() -> None:
     for sum_s, expected in ((2.85, True), (2.95, False)):
         trajectory = rest(released[-1].trajectory.qs[-1], sum_s - retreat_s)
         withdrawal = replace(released[-1], name=SegmentName.TRANSIT, trajectory=trajectory)
-        kept = before_watch((*released, withdrawal))
+        kept = shortened((*released, withdrawal), STILL_AFTER_S)
         assert (len(kept) == len(released) + 1) is expected
-        assert not late(kept)
+        assert not moves_after(kept, STILL_AFTER_S)
     endless = replace(released[-1], trajectory=rest(released[-1].trajectory.qs[-1], 3.0))
-    assert late((*released[:-1], endless))
+    assert moves_after((*released[:-1], endless), STILL_AFTER_S)
 
 
 def test_the_world_is_kept_while_the_fixtures_are_the_same() -> None:
@@ -199,7 +194,7 @@ def test_unknown_planners_are_errors_that_name_the_known() -> None:
 
 
 def test_a_half_seen_body_is_completed_without_the_handle() -> None:
-    X_WU = UPRIGHT
+    X_WU = STANDING
     p_UPs = mug_cloud()
     seen = transform_points(X_WU, p_UPs[p_UPs[:, 1] > 0.0])
     completed = transform_points(np.linalg.inv(X_WU), revolved_body(seen, X_WU))

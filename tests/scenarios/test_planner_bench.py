@@ -3,11 +3,14 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
 
 from planning.collision.world import static_checker
+from planning.goals.hang import SUBGOAL as HANG
+from planning.goals.upright import SUBGOAL as REORIENT
 from planning.motion.timing import rest
 from planning.planner import Planner, make_planner
 from planning.problem import (
@@ -18,7 +21,6 @@ from planning.problem import (
     Segment,
     SegmentName,
     Stage,
-    Subgoal,
 )
 from planning.problem_files import save_problems
 from scenarios.bench import records as bench_records
@@ -37,18 +39,18 @@ from split_drake.poses import Array, make_pose, rotation_x
 from split_drake.robot.kinematics import closed_form_ik
 from split_drake.robot.panda import Q_HOME, panda_positions
 from split_drake.station.layout import Layout
-from tests.helpers.planning import LYING, UPRIGHT, mug_problem
+from tests.helpers.planning import LYING, STANDING, mug_problem
 
 SEED = (0, 0)
 
 
 class Fixed:
-    """A planner with one answer, which may be none."""
+    """A planner with one answer."""
 
-    def __init__(self, answer: Plan | PlanFailure | Exception | None) -> None:
+    def __init__(self, answer: Plan | PlanFailure | Exception) -> None:
         self._answer = answer
 
-    def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure | None:
+    def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
         if isinstance(self._answer, Exception):
             raise self._answer
         return self._answer
@@ -57,15 +59,15 @@ class Fixed:
 def resting(q: Array) -> Plan:
     """Return a plan that only stays at `q` (7,), far from any object."""
     transit = Segment(SegmentName.TRANSIT, rest(q, 0.1), 0.04, 0.04, 20.0, holding=False)
-    return Plan(Subgoal.HANG, (transit,), *np.eye(4)[None].repeat(4, axis=0))
+    return Plan(HANG, (transit,), *np.eye(4)[None].repeat(4, axis=0))
 
 
 def test_three_problems_from_file_to_table_and_on(tmp_path: Path) -> None:
     far = make_pose(p=(1.4, 0.0, 0.0))
     problems = {
-        "hang": mug_problem(Subgoal.HANG, UPRIGHT),
-        "reorient": mug_problem(Subgoal.REORIENT, LYING),
-        "far": mug_problem(Subgoal.HANG, far),
+        "hang": mug_problem(HANG, STANDING),
+        "reorient": mug_problem(REORIENT, LYING),
+        "far": mug_problem(HANG, far),
     }
     file, out = tmp_path / "problems.npz", tmp_path / "run"
     save_problems(file, problems)
@@ -107,7 +109,7 @@ def test_options_that_make_no_sense_are_errors(options: dict, match: str) -> Non
 
 
 def test_a_plan_that_collides_is_refused_and_a_raise_is_an_error() -> None:
-    problem = mug_problem(Subgoal.HANG, UPRIGHT)
+    problem = mug_problem(HANG, STANDING)
     plan = make_planner("rrt").plan(problem, np.random.default_rng(0))
     assert isinstance(plan, Plan)
     jumping = replace(plan.segments[1], trajectory=rest(Q_HOME + 0.2, 0.1))
@@ -122,8 +124,9 @@ def test_a_plan_that_collides_is_refused_and_a_raise_is_an_error() -> None:
 
 
 def test_no_plan_at_all_is_an_error_and_one_that_only_rests_is_refused() -> None:
-    problem = mug_problem(Subgoal.HANG, UPRIGHT)
-    record = run_planner(lambda: Fixed(None), "fixed", problem, "hang", SEED)
+    problem = mug_problem(HANG, STANDING)
+    nothing = cast(Plan, None)  # what no planner may return
+    record = run_planner(lambda: Fixed(nothing), "fixed", problem, "hang", SEED)
     assert record.outcome == ERROR
     assert "Traceback" in record.reason
     assert "NoneType" in record.reason
@@ -133,8 +136,9 @@ def test_no_plan_at_all_is_an_error_and_one_that_only_rests_is_refused() -> None
 
 
 def test_counts_of_any_number_type_can_be_written() -> None:
-    problem = mug_problem(Subgoal.HANG, UPRIGHT)
-    failure = PlanFailure(Stage.PLANNING, "no way", {"samples": np.int64(7)})
+    problem = mug_problem(HANG, STANDING)
+    count = cast(float, np.int64(7))
+    failure = PlanFailure(Stage.PLANNING, "no way", {"samples": count})
     record = run_planner(lambda: Fixed(failure), "fixed", problem, "hang", SEED)
     assert json.loads(json_line(record))["search"] == {"samples": 7.0}
 
@@ -146,7 +150,7 @@ def test_a_planner_that_cannot_be_made_is_an_error(
         raise FileNotFoundError(f"no regions for {name}")
 
     file = tmp_path / "problems.npz"
-    save_problems(file, {"hang": mug_problem(Subgoal.HANG, UPRIGHT)})
+    save_problems(file, {"hang": mug_problem(HANG, STANDING)})
     monkeypatch.setattr(bench_records, "make_planner", fail)
     record = run_task(BenchTask(file, "hang", "unmade", SEED))
     assert (record.problem, record.planner, record.outcome) == ("hang", "unmade", ERROR)
@@ -155,7 +159,7 @@ def test_a_planner_that_cannot_be_made_is_an_error(
 
 
 def test_measures_grow_with_what_they_measure() -> None:
-    problem = mug_problem(Subgoal.HANG, UPRIGHT)
+    problem = mug_problem(HANG, STANDING)
     plan = make_planner("rrt").plan(problem, np.random.default_rng(0))
     assert isinstance(plan, Plan)
     meter = PlanMeter(Layout())
@@ -197,5 +201,5 @@ def motion(speeds: Array) -> JointTrajectory:
     """Return one in which all joints move at each of these speeds (T,), rad/s, for 10 ms."""
     angles = 0.01 * np.cumsum(np.concatenate([[0.0], speeds]))
     joints = np.ones(7)
-    times_s = 0.01 * np.arange(len(angles))
+    times_s = np.linspace(0.0, 0.01 * len(speeds), len(angles))
     return JointTrajectory(times_s, np.outer(angles, joints), np.outer([*speeds, 0.0], joints))

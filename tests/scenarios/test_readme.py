@@ -1,15 +1,30 @@
-"""The README's example runs as it stands."""
+"""What the READMEs show runs as it stands."""
 
 import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import pytest
+
+from planning.checking.goal_checks import off_table
+from planning.planner import make_planner
+from planning.problem import Plan
+from split_drake.data.dataset import SceneDataset
 from split_drake.data.render import DepthRenderer
 from split_drake.objects.mugs.split import load_mug
-from split_drake.pose_set import PoseSet
+from split_drake.pose_set import PoseSet, load_pose_sets
 from split_drake.poses import make_pose
 from split_drake.station.layout import Layout
+from tests.helpers.planning import STANDING, mug_problem
 
 ROOT = Path(__file__).parents[2]
+READMES = ("README.md", "planning/README.md", "scenarios/README.md", "split_drake/README.md")
+COMMAND = re.compile(r"python -m ((?:scenarios|split_drake|models)[\w.]*)([^\n`|#]*)")
 
 
 def examples(name: str) -> list[str]:
@@ -17,17 +32,69 @@ def examples(name: str) -> list[str]:
     return re.findall(r"```python\n(.*?)```", (ROOT / name).read_text(), flags=re.DOTALL)
 
 
+def executed(code: str, **names: Any) -> dict[str, Any]:
+    """Return what a block of Python defines."""
+    defined = {"__name__": "example", **names}
+    exec(code, defined)
+    return defined
+
+
 def test_the_planner_is_the_one_that_is_tested() -> None:
     assert examples("planning/README.md")[0] == (ROOT / "tests/helpers/one_bend.py").read_text()
 
 
-def test_the_example_finds_grasps() -> None:
-    example = examples("README.md")[0]
+def test_the_example_finds_grasps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     camera = Layout().cameras[1]
     renderer = DepthRenderer(load_mug("test_004").body.mesh)
     view = renderer.render(make_pose(p=(0.5, 0.0, 0.0)), camera)
-    names = {"depth_m": view.depth_m, "X_WC": camera.X_WC}
-    exec(example, names)
-    grasps = names["grasps"]
-    assert isinstance(grasps, PoseSet)
-    assert len(grasps) > 0
+    defined = executed(examples("README.md")[0], depth_m=view.depth_m, X_WC=camera.X_WC)
+    assert isinstance(defined["grasps"], PoseSet)
+    assert len(defined["grasps"]) > 0
+    found, _ = load_pose_sets(tmp_path / "runs/poses.npz")
+    assert set(found) == {"grasp", "handle", "upright"}
+
+
+def test_the_subgoal_is_planned_for() -> None:
+    subgoal = executed(examples("planning/README.md")[1])["SUBGOAL"]
+    problem = mug_problem(subgoal, STANDING)
+    plan = make_planner("default").plan(problem, np.random.default_rng(0))
+    assert isinstance(plan, Plan), plan
+    assert off_table(plan, problem) == ""
+
+
+def test_objects_of_ones_own_have_a_dataset(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    executed(examples("split_drake/README.md")[0])
+    dataset = SceneDataset.open(tmp_path / "datasets/cans")
+    assert len(dataset) == 10
+    assert [task.name for task in dataset.tasks] == ["grasp", "top"]
+
+
+def commands() -> Iterator[tuple[str, str]]:
+    """Yield the commands of all READMEs and notes: a module, and what follows it."""
+    for name in (*READMES, "BUILD-notes.md"):
+        for module, rest in COMMAND.findall((ROOT / name).read_text().replace("\\\n", " ")):
+            yield module.rstrip("."), rest
+
+
+@cache
+def flags_of(module: str, subcommand: str) -> set[str]:
+    """Return the flags that a command knows."""
+    command = [sys.executable, "-m", module, *([subcommand] if subcommand else []), "--help"]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, f"{module}: {run.stderr}"
+    return set(re.findall(r"--[a-z][\w.-]*", run.stdout))
+
+
+def test_every_command_knows_the_flags_that_are_shown() -> None:
+    shown = list(commands())
+    assert len(shown) > 20
+    for module, rest in shown:
+        subcommand = next((word for word in rest.split()[:1] if word in ("judge", "tune")), "")
+        if module.endswith("tune_evaluator") and not subcommand:
+            continue
+        unknown = set(re.findall(r"--[a-z][\w.-]*", rest)) - flags_of(module, subcommand)
+        assert not unknown, f"python -m {module}{rest}: unknown {unknown}"

@@ -6,19 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planning.goals.hang import SUBGOAL as HANG
+from planning.goals.upright import SUBGOAL as REORIENT
 from planning.motion.regions import load_regions
-from planning.problem import PlanningProblem, Subgoal
+from planning.problem import PlanningProblem
 from planning.problem_files import SHIPPED_PROBLEMS, load_problems, save_problems
 from scenarios import grow_regions
 from scenarios.grow_regions import GrowOptions
 from scenarios.record_problems import MAX_POSES, RecordOptions, main, record_problem, specs_of
-from split_drake.pose_task import PoseTask
 from split_drake.poses import make_pose
 from split_drake.robot.panda import Q_HOME
 from split_drake.station.layout import Layout
-from tests.helpers.planning import UPRIGHT, mug_problem
+from tests.helpers.planning import STANDING, mug_problem
 
-HANG = "hang-oracle-test-0"
+HANG_PROBLEM = "hang-oracle-test-0"
 
 
 @pytest.fixture(scope="module")
@@ -29,13 +30,13 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_tasks_take_turns_and_the_same_seed_gives_the_same_problem(file: Path) -> None:
     found = load_problems(file)
-    assert list(found) == [HANG, "reorient-oracle-test-0"]
-    assert [p.subgoal for p in found.values()] == [Subgoal.HANG, Subgoal.REORIENT]
+    assert list(found) == [HANG_PROBLEM, "reorient-oracle-test-0"]
+    assert [p.subgoal for p in found.values()] == [HANG, REORIENT]
     spec = specs_of(RecordOptions(count=1, detectors=("oracle",)))[0]
     again = record_problem(spec).problem
     assert isinstance(again, PlanningProblem)
-    np.testing.assert_allclose(found[HANG].p_WPs, again.p_WPs, atol=1e-4)
-    assert len(found[HANG].pose_sets[PoseTask.GRASP]) <= MAX_POSES[PoseTask.GRASP]
+    np.testing.assert_allclose(found[HANG_PROBLEM].p_WPs, again.p_WPs, atol=1e-4)
+    assert len(found[HANG_PROBLEM].pose_sets["grasp"]) <= MAX_POSES["grasp"]
     np.testing.assert_allclose(again.q_start, Q_HOME, atol=0.01)
 
 
@@ -48,7 +49,7 @@ def test_regions_grow_from_plans(file: Path, tmp_path: Path) -> None:
 
 
 def test_regions_do_not_grow_from_problems_of_another_station(tmp_path: Path) -> None:
-    here = mug_problem(Subgoal.HANG, UPRIGHT)
+    here = mug_problem(HANG, STANDING)
     moved = replace(here, layout=Layout(X_WK=make_pose(p=(0.4, -0.38, 0.40))))
     elsewhere = tmp_path / "elsewhere.npz"
     save_problems(elsewhere, {"here": here, "moved": moved})
@@ -61,7 +62,7 @@ def test_regions_do_not_grow_from_problems_of_another_station(tmp_path: Path) ->
 def test_shipped_problems_are_500_of_both_tasks() -> None:
     problems = load_problems(SHIPPED_PROBLEMS)
     assert len(problems) == 500
-    assert {problem.subgoal for problem in problems.values()} == set(Subgoal)
+    assert {problem.subgoal for problem in problems.values()} == {HANG, REORIENT}
     assert SHIPPED_PROBLEMS.stat().st_size < 5e6
 
 

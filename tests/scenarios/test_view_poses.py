@@ -6,32 +6,56 @@ import numpy as np
 import pytest
 
 from scenarios.view_poses import ViewOptions, main
-from scenarios.viewing.pose_drawing import pose_segments, score_bands, score_color
+from scenarios.viewing.pose_drawing import pose_segments, score_bands, score_color, sketch
 from split_drake.pose_set import PoseSet, save_pose_sets
-from split_drake.pose_task import PoseTask
-from split_drake.poses import make_pose, rotation_z
+from split_drake.pose_task import GRASP, UPRIGHT, PoseTask, Symmetry
+from split_drake.poses import Array, make_pose, rotation_x, rotation_z
 
 
 def test_sketches_move_with_their_poses() -> None:
     X_WP = make_pose(rotation_z(0.5), (1.0, 2.0, 3.0))
-    at_origin = pose_segments(PoseTask.GRASP, np.eye(4))
-    moved = pose_segments(PoseTask.GRASP, X_WP)
+    at_origin = pose_segments(GRASP, np.eye(4))
+    moved = pose_segments(GRASP, X_WP)
     np.testing.assert_allclose(moved, at_origin @ X_WP[:3, :3].T + X_WP[:3, 3], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "R_same", "R_other"),
+    [
+        (Symmetry(), np.eye(3), rotation_x(np.pi)),
+        (Symmetry.half_turn("x"), rotation_x(np.pi), rotation_x(np.pi / 2.0)),
+        (Symmetry.any_turn("z"), rotation_z(np.pi / 8.0), rotation_x(np.pi)),
+    ],
+    ids=lambda value: value.kind if isinstance(value, Symmetry) else "",
+)
+def test_a_task_without_a_sketch_of_its_own_shows_its_symmetry(
+    symmetry: Symmetry, R_same: Array, R_other: Array
+) -> None:
+    drawn = sketch(PoseTask("lid", symmetry))
+    assert same_points(drawn @ R_same.T, drawn)
+    assert not same_points(drawn @ R_other.T, drawn)
+
+
+def same_points(one: Array, other: Array) -> bool:
+    """Return whether segments (S, 2, 3) end in the same points as others (T, 2, 3)."""
+    points = one.reshape(-1, 1, 3), other.reshape(1, -1, 3)
+    apart = np.linalg.norm(points[0] - points[1], axis=-1)
+    return bool(max(apart.min(axis=0).max(), apart.min(axis=1).max()) < 1e-9)
 
 
 def test_bands_hold_every_pose_once() -> None:
     scores = np.array([0.0, 0.19, 0.5, 0.99, 1.0])
-    pose_set = PoseSet.ranked(PoseTask.UPRIGHT, make_pose(p=np.zeros((5, 3))), scores)
-    sketch = len(pose_segments(PoseTask.UPRIGHT, np.eye(4)))
+    pose_set = PoseSet.ranked(UPRIGHT, make_pose(p=np.zeros((5, 3))), scores)
+    sketch = len(pose_segments(UPRIGHT, np.eye(4)))
     bands = list(score_bands(pose_set))
     assert [len(band.segments_W) // sketch for band in bands] == [2, 1, 2]
     assert bands[-1].color == score_color(0.9)
 
 
 def test_a_saved_set_becomes_a_page(tmp_path: Path) -> None:
-    pose_set = PoseSet.ranked(PoseTask.GRASP, np.eye(4)[None], np.array([0.7]))
+    pose_set = PoseSet.ranked(GRASP, np.eye(4)[None], np.array([0.7]))
     cloud = np.random.default_rng(0).normal(size=(50, 3))
-    save_pose_sets(tmp_path / "poses.npz", {PoseTask.GRASP: pose_set}, cloud)
+    save_pose_sets(tmp_path / "poses.npz", {"grasp": pose_set}, cloud)
     page = main(ViewOptions(tmp_path / "poses.npz"))
     text = page.read_text()
     assert page == tmp_path / "poses.html"

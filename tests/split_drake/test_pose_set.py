@@ -5,8 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from split_drake.pose_set import PoseSet, load_pose_sets, save_pose_sets
-from split_drake.pose_task import PoseTask
+from split_drake.pose_set import (
+    PoseSet,
+    ScoredPoses,
+    accepted_poses,
+    load_pose_sets,
+    save_pose_sets,
+)
+from split_drake.pose_task import GRASP, HANDLE, UPRIGHT, PoseTask, Symmetry
 from split_drake.poses import make_pose
 
 
@@ -15,13 +21,13 @@ def poses(count: int) -> np.ndarray:
 
 
 def test_ranked_sorts_best_first_and_keeps_ties_in_order() -> None:
-    ranked = PoseSet.ranked(PoseTask.GRASP, poses(4), np.array([0.5, 0.9, 0.5, 1.0]))
+    ranked = PoseSet.ranked(GRASP, poses(4), np.array([0.5, 0.9, 0.5, 1.0]))
     np.testing.assert_array_equal(ranked.scores, [1.0, 0.9, 0.5, 0.5])
     np.testing.assert_array_equal(ranked.X_WPs[:, 0, 3], [9.0, 3.0, 0.0, 6.0])
 
 
 def test_head_takes_the_best() -> None:
-    pose_set = PoseSet.ranked(PoseTask.HANDLE, poses(3), np.array([0.1, 0.2, 0.3]))
+    pose_set = PoseSet.ranked(HANDLE, poses(3), np.array([0.1, 0.2, 0.3]))
     assert len(pose_set.head(2)) == 2
     assert pose_set.head(2).scores.min() == 0.2
     assert len(pose_set.head(9)) == 3
@@ -39,26 +45,56 @@ def test_head_takes_the_best() -> None:
 )
 def test_bad_sets_are_refused(X_WPs: np.ndarray, scores: list[float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        PoseSet(PoseTask.GRASP, X_WPs, np.array(scores))
+        PoseSet(GRASP, X_WPs, np.array(scores))
 
 
 def test_an_empty_set_is_a_set() -> None:
-    assert len(PoseSet(PoseTask.GRASP, np.zeros((0, 4, 4)), np.zeros(0))) == 0
+    assert len(PoseSet(GRASP, np.zeros((0, 4, 4)), np.zeros(0))) == 0
 
 
 def test_saved_sets_come_back(tmp_path: Path) -> None:
     sets = {
-        PoseTask.GRASP: PoseSet(PoseTask.GRASP, poses(3), np.array([0.9, 0.8, 0.7])),
-        PoseTask.UPRIGHT: PoseSet(PoseTask.UPRIGHT, np.zeros((0, 4, 4)), np.zeros(0)),
+        "grasp": PoseSet(GRASP, poses(3), np.array([0.9, 0.8, 0.7])),
+        "upright": PoseSet(UPRIGHT, np.zeros((0, 4, 4)), np.zeros(0)),
     }
     cloud = np.random.default_rng(0).normal(size=(10, 3))
     path = tmp_path / "new folder" / "poses.npz"
     save_pose_sets(path, sets, cloud)
     loaded, loaded_cloud = load_pose_sets(path)
     assert set(loaded) == set(sets)
-    np.testing.assert_array_equal(loaded[PoseTask.GRASP].X_WPs, poses(3))
+    np.testing.assert_array_equal(loaded["grasp"].X_WPs, poses(3))
     np.testing.assert_allclose(loaded_cloud, cloud, atol=1e-6)
     assert [file.name for file in path.parent.iterdir()] == ["poses.npz"]
+
+
+def test_saved_sets_keep_their_tasks(tmp_path: Path) -> None:
+    spout = PoseTask("spout", Symmetry.any_turn("x"), "where tea comes out, along x")
+    save_pose_sets(
+        tmp_path / "poses.npz", {"spout": PoseSet(spout, poses(1), np.ones(1))}, poses(2)[:, :3, 3]
+    )
+    loaded, _ = load_pose_sets(tmp_path / "poses.npz")
+    assert loaded["spout"].task == spout
+
+
+def test_archives_that_do_not_name_their_tasks_hold_those_of_mugs(tmp_path: Path) -> None:
+    arrays = {"cloud": np.zeros((1, 3)), "handle/X_WPs": poses(2), "handle/scores": np.ones(2)}
+    np.savez(tmp_path / "poses.npz", allow_pickle=False, **arrays)
+    loaded, _ = load_pose_sets(tmp_path / "poses.npz")
+    assert {name: found.task for name, found in loaded.items()} == {"handle": HANDLE}
+
+
+def test_scores_that_reach_the_threshold_are_accepted() -> None:
+    drawn = {
+        "grasp": ScoredPoses(poses(3), np.array([0.4, 0.2, 0.9])),
+        "upright": ScoredPoses(poses(1), np.array([0.1])),
+        "handle": ScoredPoses(poses(1), np.array([1.0])),
+    }
+    found = accepted_poses(drawn, (GRASP, UPRIGHT), 0.4)
+    assert list(found) == ["grasp", "upright"]
+    assert found["grasp"].task == GRASP
+    np.testing.assert_array_equal(found["grasp"].scores, [0.9, 0.4])
+    np.testing.assert_array_equal(found["grasp"].X_WPs[:, 0, 3], [6.0, 0.0])
+    assert len(found["upright"]) == 0
 
 
 def test_a_foreign_archive_is_refused(tmp_path: Path) -> None:

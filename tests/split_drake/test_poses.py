@@ -1,5 +1,7 @@
 """Poses as arrays."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from split_drake.poses import (
+    Array,
     check_poses,
     invert_pose,
     make_pose,
@@ -58,7 +61,7 @@ def test_transform_broadcasts_over_poses() -> None:
     ("rotation", "axis"), [(rotation_x, "x"), (rotation_y, "y"), (rotation_z, "z")]
 )
 @pytest.mark.parametrize("angle_rad", [-2.0, 0.0, 1e-9, np.pi])
-def test_axis_rotations(rotation, axis: str, angle_rad: float) -> None:
+def test_axis_rotations(rotation: Callable[[float], Array], axis: str, angle_rad: float) -> None:
     np.testing.assert_allclose(
         rotation(angle_rad), Rotation.from_euler(axis, angle_rad).as_matrix(), atol=1e-12
     )

@@ -8,6 +8,7 @@ from split_drake.scene import EmptySceneError, Scene, Workspace, farthest_points
 from split_drake.station.layout import Layout
 
 TOP = Layout().cameras[0]
+WORKSPACE = Layout().workspace
 BOX_TOP_M = 0.102
 
 
@@ -20,7 +21,7 @@ def box_view() -> DepthView:
 
 
 def test_points_are_where_they_were_seen() -> None:
-    points = Scene.from_views([box_view()]).p_WPs
+    points = Scene.from_views([box_view()], WORKSPACE).p_WPs
     np.testing.assert_allclose(points[:, 2], BOX_TOP_M, atol=1e-5)
     np.testing.assert_allclose(points[:, :2].mean(axis=0), (0.5, 0.0), atol=1e-3)
     np.testing.assert_allclose(np.ptp(points[:, :2], axis=0), 0.06, atol=2e-3)
@@ -41,7 +42,7 @@ def test_cameras_see_the_workspace_centre_in_their_middle() -> None:
 
 
 def test_the_table_is_left_out_and_the_grid_matches_the_points() -> None:
-    scene = Scene.from_views([box_view()])
+    scene = Scene.from_views([box_view()], WORKSPACE)
     grid = scene.grid()
     assert grid.shape == (64, 64, 64)
     assert grid is scene.grid()
@@ -74,7 +75,7 @@ def test_points_outside_the_grid_are_ignored() -> None:
 
 
 def test_noise_is_off_by_default_seeded_and_only_on_the_sampled_points() -> None:
-    clean = Scene.from_views([box_view()])
+    clean = Scene.from_views([box_view()], WORKSPACE)
     assert np.isin(clean.p_WSs[:, 0], clean.p_WPs[:, 0]).all()
     noisy = clean.with_noise(0.005, np.random.default_rng(3))
     again = clean.with_noise(0.005, np.random.default_rng(3))
@@ -120,6 +121,6 @@ def test_bad_intrinsics_and_views_are_named() -> None:
 
 def test_an_empty_cloud_is_an_error() -> None:
     with pytest.raises(EmptySceneError, match="none of the 0 points seen above the table"):
-        Scene.from_views([view_of(np.full((480, 640), 0.6))])
+        Scene.from_views([view_of(np.full((480, 640), 0.6))], WORKSPACE)
     with pytest.raises(ValueError, match="no depth views"):
-        Scene.from_views([])
+        Scene.from_views([], WORKSPACE)

@@ -1,3 +1,5 @@
+"""Building mugs from parameters."""
+
 import numpy as np
 import shapely
 import trimesh
@@ -38,8 +40,8 @@ def _handle_pose(opening_OPs: Array) -> Array:
     return make_pose(p=(center.x, 0.0, center.y))
 
 
-def build_mug(name: str, parameters: MugParameters) -> MugShape:
-    """Return the mug that `parameters` describe.
+def build_mug(name: str, parameters: MugParameters, split: str = "", number: int = 0) -> MugShape:
+    """Return the mug that `parameters` describe, which belongs to a split or to none.
 
     Raises InvalidMugError where they describe none: the reason, a colon, and the numbers.
     """
@@ -55,4 +57,5 @@ def build_mug(name: str, parameters: MugParameters) -> MugShape:
         inertia_kg_m2=inertia,
         collision=collision_geometry(parameters),
     )
-    return MugShape(body, X_OH, opening_OPs, 2.0 * parameters.outer_radius_m)
+    diameter_m = 2.0 * parameters.outer_radius_m
+    return MugShape.of(body, X_OH, opening_OPs, diameter_m, split, number)

@@ -46,18 +46,32 @@ def mug_names(split: Split) -> tuple[str, ...]:
     return tuple(f"{split}_{i:03d}" for i in range(len(_read_split(split))))
 
 
+@lru_cache(maxsize=1)
+def _places() -> dict[str, tuple[Split, int]]:
+    """Return {name of a mug: its split and its number there}."""
+    return {
+        name: (split, number)
+        for split in get_args(Split)
+        for number, name in enumerate(mug_names(split))
+    }
+
+
+def _place(name: str) -> tuple[Split, int]:
+    if name not in _places():
+        raise ValueError(f"no mug is called {name!r}; expected train_000 or test_000 and so on")
+    return _places()[name]
+
+
 def mug_parameters(name: str) -> MugParameters:
     """Return the parameters of the mug `name`; raise ValueError where there is none."""
-    split, _, number = name.partition("_")
-    mugs = _read_split(split) if split in get_args(Split) else ()
-    if not number.isdecimal() or int(number) >= len(mugs):
-        raise ValueError(f"no mug is called {name!r}; expected train_000 or test_000 and so on")
-    return mugs[int(number)]
+    split, number = _place(name)
+    return _read_split(split)[number]
 
 
 def load_mug(name: str) -> MugShape:
-    """Return the mug `name` of the fixed split."""
-    return build_mug(name, mug_parameters(name))
+    """Return the mug `name` of the fixed split; raise ValueError where there is none."""
+    split, number = _place(name)
+    return build_mug(name, _read_split(split)[number], split, number)
 
 
 def draw_mugs(

@@ -21,13 +21,12 @@ from split_drake.objects.scanned.handle import (
 from split_drake.objects.scanned.mass import mass_properties
 from split_drake.objects.scanned.profile import measure_profile
 from split_drake.poses import Array, make_pose
-from split_drake.scene import Workspace
 
 SUFFIXES = (".obj", ".stl", ".ply", ".glb")
 MASS_KG = 0.30
 MIN_SIZE_M = 0.02
-# The workspace holds a mug of this size up to 3 cm off its middle.
-MAX_SIZE_M = Workspace().edge_m - 0.06
+# A workspace of 30 cm holds a mug of this size up to 3 cm off its middle.
+MAX_SIZE_M = 0.24
 # Decimals of a metre to which vertices must agree to be one.
 _MERGE_DIGITS = 12
 # Points this close to the table count as what a mug stands on.
@@ -121,7 +120,7 @@ def build_mug_from_mesh(name: str, mesh_F: trimesh.Trimesh) -> MugShape:
         collision=fit_collision(profile, measure_grip(mesh, silhouette, profile)),
     )
     diameter = 2.0 * float(profile.outer_m.max())
-    return MugShape(body, _handle_pose(opening_OPs, silhouette), opening_OPs, diameter)
+    return MugShape.of(body, _handle_pose(opening_OPs, silhouette), opening_OPs, diameter)
 
 
 def _tidy(mesh: trimesh.Trimesh) -> trimesh.Trimesh:

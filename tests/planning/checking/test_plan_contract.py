@@ -9,6 +9,8 @@ import pytest
 from planning.checking.plan_contract import contract_violations
 from planning.checking.trajectory_check import TrajectoryChecker
 from planning.geometry.waypoints import place_grasp, shifted
+from planning.goals.hang import SUBGOAL as HANG
+from planning.goals.upright import SUBGOAL as REORIENT
 from planning.motion.timing import rest
 from planning.planner import make_planner
 from planning.problem import (
@@ -18,13 +20,13 @@ from planning.problem import (
     PlanningProblem,
     Segment,
     SegmentName,
-    Subgoal,
 )
-from split_drake.pose_task import HANDLE_FLIP
+from planning.subgoal import Subgoal
+from split_drake.pose_task import HANDLE
 from split_drake.poses import invert_pose, make_pose, rotation_x, transform_points
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.station.layout import Layout
-from tests.helpers.planning import LYING, UPRIGHT, mug_problem
+from tests.helpers.planning import LYING, STANDING, mug_problem
 
 Spoil = Callable[[Plan], Plan]
 ASIDE = make_pose(p=(0.0, 0.05, 0.0))
@@ -40,12 +42,12 @@ def solved(subgoal: Subgoal, X_WO: np.ndarray) -> tuple[Plan, PlanningProblem]:
 
 @pytest.fixture(scope="module")
 def hang() -> tuple[Plan, PlanningProblem]:
-    return solved(Subgoal.HANG, UPRIGHT)
+    return solved(HANG, STANDING)
 
 
 @pytest.fixture(scope="module")
 def reorient() -> tuple[Plan, PlanningProblem]:
-    return solved(Subgoal.REORIENT, LYING)
+    return solved(REORIENT, LYING)
 
 
 def with_segment(plan: Plan, number: int, segment: Segment) -> Plan:
@@ -54,7 +56,7 @@ def with_segment(plan: Plan, number: int, segment: Segment) -> Plan:
 
 def at_other_times(plan: Plan, number: int, step_s: float) -> Plan:
     old = plan.segments[number].trajectory
-    moved = JointTrajectory(step_s * np.arange(len(old.times_s)), old.qs, old.vs)
+    moved = JointTrajectory(old.times_s * (step_s / SAMPLE_S), old.qs, old.vs)
     return with_segment(plan, number, replace(plan.segments[number], trajectory=moved))
 
 
@@ -116,7 +118,7 @@ def test_an_object_in_the_hand_is_placed_from_there(hang: tuple[Plan, PlanningPr
 @pytest.mark.parametrize(
     ("spoil", "what"),
     [
-        (lambda p: replace(p, subgoal=Subgoal.REORIENT), "is to reorient, where the problem is"),
+        (lambda p: replace(p, subgoal=REORIENT), "is to reorient, where the problem is"),
         (
             lambda p: replace(p, segments=p.segments[:2] + p.segments[3:]),
             "has the segments transit",
@@ -165,8 +167,9 @@ def test_a_plan_to_hang_that_is_spoilt(
 
 def test_a_handle_may_be_placed_either_way_round(hang: tuple[Plan, PlanningProblem]) -> None:
     plan, problem = hang
-    flips = {"X_WObject": plan.X_WObject @ HANDLE_FLIP, "X_WGoal": plan.X_WGoal @ HANDLE_FLIP}
-    assert contract_violations(replace(plan, **flips), problem) == []
+    flip = HANDLE.symmetry.X_half_turn
+    flipped = replace(plan, X_WObject=plan.X_WObject @ flip, X_WGoal=plan.X_WGoal @ flip)
+    assert contract_violations(flipped, problem) == []
 
 
 def test_a_goal_that_does_not_stand_is_none(reorient: tuple[Plan, PlanningProblem]) -> None:
@@ -213,13 +216,13 @@ def test_motions_that_no_arm_makes_are_named(hang: tuple[Plan, PlanningProblem])
 def test_the_range_of_a_joint_is_named() -> None:
     q = np.array([0.0, 0.0, 0.0, 0.2, 0.0, 1.5, 0.8])
     segment = Segment(SegmentName.TRANSFER, rest(q, 0.1), 0.0, 0.0, 20.0, holding=True)
-    plan = Plan(Subgoal.HANG, (segment,), *np.eye(4)[None].repeat(4, axis=0))
+    plan = Plan(HANG, (segment,), *np.eye(4)[None].repeat(4, axis=0))
     found = TrajectoryChecker(Layout()).violations(plan, np.array([[1.4, 0.0, 0.0]]))
     assert "leaves the range of joint 4 by 0.2698 rad" in found[0].what
 
 
 def test_a_plan_without_a_transfer_has_no_place() -> None:
     transit = Segment(SegmentName.TRANSIT, rest(np.zeros(7), 0.1), 0.0, 0.0, 20.0, holding=False)
-    plan = Plan(Subgoal.HANG, (transit,), *np.eye(4)[None].repeat(4, axis=0))
+    plan = Plan(HANG, (transit,), *np.eye(4)[None].repeat(4, axis=0))
     with pytest.raises(ValueError, match=r"segments are \['transit'\]; expected transfer"):
         _ = plan.place

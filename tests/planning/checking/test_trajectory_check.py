@@ -1,5 +1,6 @@
 """The independent check sees what is wrong with a plan, and honours declared contacts alone."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -10,32 +11,31 @@ from planning.checking.checked_planner import CheckedPlanner
 from planning.checking.trajectory_check import STEP_RAD, TrajectoryChecker, fine_steps
 from planning.collision.exemptions import MAX_TABLE_DEPTH_M, TABLE_LIFT_M
 from planning.geometry.perceived import voxel_centroids
+from planning.goals.hang import SUBGOAL as HANG
 from planning.motion.ik import solve_ik
 from planning.motion.timing import rest
 from planning.pick_place.pick import Q_COMFORT
 from planning.planner import make_planner
 from planning.problem import (
-    AllowedContact,
+    JointTrajectory,
     Plan,
     PlanFailure,
     PlanningProblem,
     Segment,
     SegmentName,
     Stage,
-    Subgoal,
 )
+from planning.subgoal import AllowedContact
 from split_drake.poses import Array, make_pose, transform_points
 from split_drake.robot.gripper import MAX_OPENING_M
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.station.layout import Layout
-from tests.helpers.planning import UPRIGHT, mug_cloud, mug_problem, reorient_plan
+from tests.helpers.planning import STANDING, mug_cloud, mug_problem, reorient_plan
 
 
 @cache
 def hang_plan() -> Plan:
-    plan = make_planner("default").plan(
-        mug_problem(Subgoal.HANG, UPRIGHT), np.random.default_rng(0)
-    )
+    plan = make_planner("default").plan(mug_problem(HANG, STANDING), np.random.default_rng(0))
     assert isinstance(plan, Plan)
     return plan
 
@@ -47,16 +47,24 @@ def checker() -> TrajectoryChecker:
 
 @cache
 def cloud() -> Array:
-    return voxel_centroids(transform_points(UPRIGHT, mug_cloud()), 0.012)
+    return voxel_centroids(transform_points(STANDING, mug_cloud()), 0.012)
 
 
-def changed(name: SegmentName, **changes: object) -> Plan:
+def changed(name: SegmentName, change: Callable[[Segment], Segment]) -> Plan:
     """Return the plan with all segments of a name changed."""
     segments = tuple(
-        replace(segment, **changes) if segment.name is name else segment
-        for segment in hang_plan().segments
+        change(segment) if segment.name is name else segment for segment in hang_plan().segments
     )
     return replace(hang_plan(), segments=segments)
+
+
+def without_contacts(segment: Segment) -> Segment:
+    return replace(segment, allowed_contacts=frozenset())
+
+
+def driven(trajectory: JointTrajectory) -> Callable[[Segment], Segment]:
+    """Return what gives segments another trajectory."""
+    return lambda segment: replace(segment, trajectory=trajectory)
 
 
 def names(plan: Plan, points: Array) -> set[str]:
@@ -75,7 +83,7 @@ def test_the_plan_as_it_is_has_no_violations() -> None:
     "name", [SegmentName.CLOSE, SegmentName.LIFT, SegmentName.INSERT, SegmentName.OPEN]
 )
 def test_without_its_declared_contacts_a_segment_is_wrong(name: SegmentName) -> None:
-    assert names(changed(name, allowed_contacts=frozenset()), cloud()) == {name.value}
+    assert names(changed(name, without_contacts), cloud()) == {name.value}
 
 
 def test_an_obstacle_moved_into_the_way_is_found() -> None:
@@ -92,7 +100,8 @@ def test_held_points_outside_the_tube_may_not_touch_the_peg() -> None:
 
 
 def test_the_table_may_be_touched_by_the_object_only_where_declared() -> None:
-    transfer = changed(SegmentName.TRANSFER, trajectory=segment(SegmentName.LIFT).trajectory)
+    lifting = driven(segment(SegmentName.LIFT).trajectory)
+    transfer = changed(SegmentName.TRANSFER, lifting)
     found = checker().violations(transfer, cloud())
     assert any(v.name == "transfer" and "table" in v.what for v in found)
 
@@ -101,7 +110,7 @@ def test_the_table_may_be_touched_only_lightly() -> None:
     carrying = tuple(s for s in reorient_plan().segments if s.holding)
     plan = replace(reorient_plan(), segments=carrying)
     for depth_m in (1.2 * MAX_TABLE_DEPTH_M, 0.9 * Layout().table_size_m[2]):
-        below = UPRIGHT[:3, 3] - (0.0, 0.0, depth_m)
+        below = STANDING[:3, 3] - (0.0, 0.0, depth_m)
         found = checker().violations(plan, below[None])
         assert [v.name for v in found if "table" in v.what][-1] == SegmentName.INSERT
 
@@ -115,7 +124,7 @@ def test_the_table_may_not_be_touched_by_a_motion_that_does_not_feel_it() -> Non
 
 def test_the_table_may_not_be_touched_once_the_object_is_lifted() -> None:
     for depth_m, expected in ((0.010, set()), (TABLE_LIFT_M - 0.001, {SegmentName.LIFT.value})):
-        below = UPRIGHT[:3, 3] - (0.0, 0.0, depth_m)
+        below = STANDING[:3, 3] - (0.0, 0.0, depth_m)
         assert names(hang_plan(), np.concatenate([cloud(), below[None]])) == expected
 
 
@@ -125,16 +134,20 @@ def test_the_peg_may_not_pass_through_what_bounds_the_opening() -> None:
     assert {v.name for v in found} == {SegmentName.INSERT.value}
 
 
-def test_fingers_are_checked_where_the_held_object_stops_them() -> None:
+@pytest.mark.parametrize(("width_m", "overlaps"), [(0.004, False), (MAX_OPENING_M, True)])
+def test_fingers_are_checked_where_the_held_object_stops_them(
+    width_m: float, overlaps: bool
+) -> None:
     X_WK = Layout().X_WK
     across_peg = np.column_stack([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     beside_peg = make_pose(across_peg, X_WK[:3, 3] - (MAX_OPENING_M / 2.0 + 0.007, 0.0, 0.0))
     there = rest(solve_ik(beside_peg[None]).of(0, Q_COMFORT)[0], 0.02)
-    for width_m, overlaps in ((0.004, False), (MAX_OPENING_M, True)):
-        plan = changed(SegmentName.TRANSFER, trajectory=there, held_width_m=width_m)
-        found = checker().violations(plan, cloud())
-        fingers = [v for v in found if v.name == "transfer" and "finger" in v.what]
-        assert bool(fingers) is overlaps
+    plan = changed(
+        SegmentName.TRANSFER, lambda s: replace(s, trajectory=there, held_width_m=width_m)
+    )
+    found = checker().violations(plan, cloud())
+    fingers = [v for v in found if v.name == "transfer" and "finger" in v.what]
+    assert bool(fingers) is overlaps
 
 
 def test_jumps_limits_and_missing_rest_are_found() -> None:
@@ -143,14 +156,13 @@ def test_jumps_limits_and_missing_rest_are_found() -> None:
     fast = replace(transit, vs=transit.vs * 10.0)
     moving = replace(transit, vs=transit.vs + 0.1)
     for trajectory, word in ((jump, "starts"), (fast, "rad/s"), (moving, "rest")):
-        found = checker().violations(changed(SegmentName.TRANSIT, trajectory=trajectory), cloud())
+        found = checker().violations(changed(SegmentName.TRANSIT, driven(trajectory)), cloud())
         assert any(word in violation.what for violation in found), word
 
 
 def test_fingers_may_be_exempt_only_near_the_object() -> None:
-    everywhere = changed(
-        SegmentName.TRANSIT, allowed_contacts=frozenset({AllowedContact.FINGERS_TARGET})
-    )
+    touching = frozenset({AllowedContact.FINGERS_TARGET})
+    everywhere = changed(SegmentName.TRANSIT, lambda s: replace(s, allowed_contacts=touching))
     found = checker().violations(everywhere, cloud())
     assert any("fingers_target" in violation.what for violation in found)
 
@@ -173,10 +185,10 @@ class _Answers:
 
 
 def test_a_checked_planner_collects_what_is_wrong_and_changes_nothing() -> None:
-    broken = changed(SegmentName.CLOSE, allowed_contacts=frozenset())
+    broken = changed(SegmentName.CLOSE, without_contacts)
     answers = (hang_plan(), PlanFailure(Stage.PLANNING, "no way"), broken)
     planner, rng = CheckedPlanner(_Answers(*answers)), np.random.default_rng(0)
-    problem = mug_problem(Subgoal.HANG, UPRIGHT)
+    problem = mug_problem(HANG, STANDING)
     found = [len(planner.violations) for answer in answers if planner.plan(problem, rng) is answer]
     assert found == [0, 0, 1]
     assert planner.violations[0].name == SegmentName.CLOSE

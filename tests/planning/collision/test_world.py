@@ -22,7 +22,7 @@ from planning.collision.world import (
     Situation,
     densified,
 )
-from planning.problem import AllowedContact
+from planning.subgoal import AllowedContact
 from split_drake.poses import Array, transform_points
 from split_drake.robot.gripper import PALM, Box
 from split_drake.robot.kinematics import gripper_pose, link_poses

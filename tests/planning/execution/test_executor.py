@@ -19,7 +19,7 @@ def plan() -> Plan:
 
 def test_a_plan_runs_to_its_end_in_real_time(plan: Plan) -> None:
     robot, steps = PerfectRobot(), list[Segment]()
-    result = Executor(robot, steps.append).run(plan.segments)
+    result = Executor(robot, steps.append).execute(plan.segments)
     assert result.completed and result.stage is None and result.reason == ""
     assert [log.name for log in result.logs] == [segment.name for segment in plan.segments]
     assert robot.time_s == pytest.approx(len(steps) * SAMPLE_S)
@@ -36,13 +36,13 @@ def test_the_time_since_release_counts_what_follows_opening(plan: Plan) -> None:
         if segment.name is SegmentName.OPEN:
             opened_s = robot.time_s
 
-    result = Executor(robot, watch).run(plan.segments)
+    result = Executor(robot, watch).execute(plan.segments)
     assert opened_s > 0.0
     assert result.since_release_s == pytest.approx(robot.time_s - opened_s, abs=1e-9)
 
 
 def test_an_empty_hand_ends_the_execution(plan: Plan) -> None:
-    result = Executor(PerfectRobot(object_m=0.0)).run(plan.segments)
+    result = Executor(PerfectRobot(object_m=0.0)).execute(plan.segments)
     assert not result.completed
     assert result.stage is Stage.GRASP
     assert result.logs[-1].name is SegmentName.CLOSE
@@ -65,7 +65,7 @@ def test_a_lost_object_fails_the_stage_it_was_lost_in(
     names = [segment.name for segment in plan.segments]
     before = plan.segments[: names.index(name)]
     begins_s = SAMPLE_S * sum(len(segment.trajectory.times_s) for segment in before)
-    result = Executor(PerfectRobot(lost_s=begins_s + 0.05)).run(plan.segments)
+    result = Executor(PerfectRobot(lost_s=begins_s + 0.05)).execute(plan.segments)
     assert not result.completed
     assert result.logs[-1].name is name
     assert result.stage is stage
@@ -82,7 +82,7 @@ def test_lowering_stops_on_contact_and_keeps_the_height_while_letting_go(plan: P
     def watch(segment: Segment) -> None:
         reached.setdefault(segment.name, []).append(gripper_pose(robot.q)[2, 3])
 
-    result = Executor(robot, watch).run(plan.segments)
+    result = Executor(robot, watch).execute(plan.segments)
     assert result.completed
     assert result.duration_s == pytest.approx(robot.time_s, abs=1e-9)
     stopped = [log.stopped_by_contact for log in result.logs]
@@ -103,7 +103,7 @@ def test_an_insertion_stops_where_something_is_in_the_way(plan: Plan) -> None:
     heights = [gripper_pose(q)[2, 3] for q in insertion.trajectory.qs[[0, -1]]]
     floor_m = 0.5 * (heights[0] + heights[1])
     robot = PerfectRobot(floor_m=floor_m)
-    result = Executor(robot).run(plan.segments)
+    result = Executor(robot).execute(plan.segments)
     assert not result.completed
     assert (result.fault, result.stage) == (Fault.BLOCKED, Stage.PLACEMENT)
     assert result.logs[-1].name is SegmentName.INSERT and result.logs[-1].stopped_by_contact
@@ -119,7 +119,7 @@ def test_a_slip_while_carrying_ends_the_execution(plan: Plan) -> None:
         if segment.name is SegmentName.TRANSFER:
             robot.object_m = 0.005
 
-    result = Executor(robot, slip).run(plan.segments)
+    result = Executor(robot, slip).execute(plan.segments)
     assert (result.fault, result.stage) == (Fault.SLIPPED, Stage.TRANSPORT)
     assert result.logs[-1].name is SegmentName.TRANSFER
     assert "10.0 mm to 5.0 mm" in result.reason

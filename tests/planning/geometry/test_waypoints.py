@@ -14,7 +14,7 @@ from planning.geometry.waypoints import (
 )
 from planning.goals.hang import hook_goals
 from planning.goals.upright import upright_goals
-from split_drake.pose_task import HALF_TURN, HANDLE_FLIP
+from split_drake.pose_task import GRASP, HANDLE
 from split_drake.poses import (
     Array,
     check_poses,
@@ -50,7 +50,7 @@ def test_hook_goals_turn_about_the_peg_and_come_in_both_symmetries() -> None:
     goals = hook_goals(X_WK, thetas)
     assert goals.shape == (6, 4, 4)
     check_poses(goals, "goals")
-    np.testing.assert_allclose(goals[3:], goals[:3] @ HANDLE_FLIP, atol=1e-12)
+    np.testing.assert_allclose(goals[3:], goals[:3] @ HANDLE.symmetry.X_half_turn, atol=1e-12)
     R_KHs = X_WK[:3, :3].T @ goals[:, :3, :3]
     np.testing.assert_allclose(R_KHs[2], rotation_y(-np.pi / 2.0 + np.radians(45.0)), atol=1e-12)
 
@@ -68,7 +68,7 @@ def test_half_turns_keep_the_approach_and_swap_the_fingers() -> None:
     both = with_half_turns(X_WGs)
     np.testing.assert_allclose(both[2:, :3, 2], X_WGs[:, :3, 2], atol=1e-12)
     np.testing.assert_allclose(both[2:, :3, 1], -X_WGs[:, :3, 1], atol=1e-12)
-    np.testing.assert_allclose(both[2:] @ HALF_TURN, X_WGs, atol=1e-12)
+    np.testing.assert_allclose(both[2:] @ GRASP.symmetry.X_half_turn, X_WGs, atol=1e-12)
 
 
 def test_offsets() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from planning.collision.exemptions import TABLE_ERROR_M
-from planning.geometry.modes import distinct_modes, mode_means
+from planning.geometry.modes import away_from, distinct_modes, mode_means
 from planning.geometry.perceived import PerceivedObject
 from planning.goals.hang import (
     GOOD_AXIS_CLEARANCE_M,
@@ -15,13 +15,15 @@ from planning.goals.hang import (
     freest_axis,
     hang_placements,
 )
+from planning.goals.hang import SUBGOAL as HANG
+from planning.goals.upright import SUBGOAL as REORIENT
 from planning.goals.upright import upright_placements
 from planning.pick_place.pairs import BestPairs
-from planning.problem import Subgoal
+from planning.subgoal import PlacementQuery
 from split_drake.pose_set import PoseSet
-from split_drake.pose_task import HANDLE_FLIP, PoseTask
-from split_drake.poses import Array, make_pose, rotation_z, transform_points
-from tests.helpers.planning import UPRIGHT, mug_problem
+from split_drake.pose_task import HANDLE, UPRIGHT, PoseTask, Symmetry
+from split_drake.poses import Array, make_pose, rotation_x, rotation_z, transform_points
+from tests.helpers.planning import STANDING, mug_problem
 
 
 def ring(radius_m: float) -> Array:
@@ -56,13 +58,13 @@ def test_an_axis_is_moved_within_the_openings_plane_and_not_far() -> None:
 
 
 def test_an_object_that_reaches_below_its_detected_base_is_placed_higher() -> None:
-    problem = mug_problem(Subgoal.REORIENT, UPRIGHT)
-    target = PerceivedObject.from_cloud(problem.p_WPs, UPRIGHT)
-    too_high = UPRIGHT @ make_pose(p=(0.0, 0.0, 0.03))
-    wrong = PoseSet(PoseTask.UPRIGHT, too_high[None], np.ones(1))
-    shifted_problem = replace(problem, pose_sets={**problem.pose_sets, PoseTask.UPRIGHT: wrong})
-    true_heights = {g.X_WOgoal[2, 3] for g in upright_placements(problem, target)}
-    heights = {g.X_WOgoal[2, 3] for g in upright_placements(shifted_problem, target)}
+    problem = mug_problem(REORIENT, STANDING)
+    target = PerceivedObject.from_cloud(problem.p_WPs, STANDING)
+    too_high = STANDING @ make_pose(p=(0.0, 0.0, 0.03))
+    wrong = PoseSet(UPRIGHT, too_high[None], np.ones(1))
+    known = PlacementQuery(problem.pose_sets["upright"], target, problem.layout, in_hand=False)
+    true_heights = {g.X_WOgoal[2, 3] for g in upright_placements(known)}
+    heights = {g.X_WOgoal[2, 3] for g in upright_placements(replace(known, poses=wrong))}
     assert true_heights == {0.0}
     assert min(heights) == pytest.approx(0.03 - TABLE_ERROR_M, abs=1e-3)
 
@@ -85,27 +87,40 @@ def test_pairs_come_best_first_and_whole_rows_can_be_dropped() -> None:
 
 def test_modes_are_apart() -> None:
     near, far = make_pose(p=(0.001, 0.0, 0.0)), make_pose(p=(0.1, 0.0, 0.0))
-    assert distinct_modes(np.stack([np.eye(4), near, far]), 3) == [0, 2]
-    assert distinct_modes(np.stack([np.eye(4), near, far]), 1) == [0]
+    assert distinct_modes(np.stack([np.eye(4), near, far]), 3, Symmetry()) == [0, 2]
+    assert distinct_modes(np.stack([np.eye(4), near, far]), 1, Symmetry()) == [0]
 
 
 def test_poses_that_differ_by_their_symmetry_are_one_mode() -> None:
     X_WH = make_pose(rotation_z(0.3), (0.5, 0.0, 0.1))
-    flips = np.stack([X_WH, X_WH @ HANDLE_FLIP])
-    assert distinct_modes(flips, 2) == [0, 1]
-    assert distinct_modes(flips, 2, HANDLE_FLIP) == [0]
-    near = X_WH @ make_pose(rotation_z(0.1), (0.002, 0.0, 0.0)) @ HANDLE_FLIP
-    both = PoseSet(PoseTask.HANDLE, np.stack([X_WH, near]), np.ones(2))
-    [(mean, score)] = mode_means(both, 4, HANDLE_FLIP)
+    flips = np.stack([X_WH, X_WH @ HANDLE.symmetry.X_half_turn])
+    assert distinct_modes(flips, 2, Symmetry()) == [0, 1]
+    assert distinct_modes(flips, 2, HANDLE.symmetry) == [0]
+    near = X_WH @ make_pose(rotation_z(0.1), (0.002, 0.0, 0.0)) @ HANDLE.symmetry.X_half_turn
+    both = PoseSet(HANDLE, np.stack([X_WH, near]), np.ones(2))
+    [(mean, score)] = mode_means(both, 4)
     expected = X_WH @ make_pose(rotation_z(0.05), (0.001, 0.0, 0.0))
     np.testing.assert_allclose(mean, expected, atol=1e-6)
     assert score == 1.0
 
 
+def test_poses_that_differ_by_any_turn_are_one_mode() -> None:
+    lid = PoseTask("lid", Symmetry.any_turn("z"))
+    X_WL = make_pose(rotation_x(0.4), (0.5, 0.0, 0.1))
+    turned = X_WL @ np.stack([make_pose(rotation_z(turn)) for turn in (0.0, 1.0, 2.5)])
+    assert distinct_modes(turned, 3, Symmetry()) == [0, 1, 2]
+    assert distinct_modes(turned, 3, lid.symmetry) == [0]
+    [(mean, _)] = mode_means(PoseSet(lid, turned, np.ones(3)), 4)
+    np.testing.assert_allclose(mean, X_WL, atol=1e-9)
+    assert not away_from(turned, X_WL[None], lid.symmetry).any()
+    assert away_from(turned, X_WL[None], Symmetry()).tolist() == [False, True, True]
+
+
 def test_hang_placements_hold_no_duplicates() -> None:
-    problem = mug_problem(Subgoal.HANG, UPRIGHT)
-    target = PerceivedObject.from_cloud(problem.p_WPs, UPRIGHT)
-    found = hang_placements(problem, target)
+    problem = mug_problem(HANG, STANDING)
+    target = PerceivedObject.from_cloud(problem.p_WPs, STANDING)
+    query = PlacementQuery(problem.pose_sets["handle"], target, problem.layout, in_hand=False)
+    found = hang_placements(query)
     X_GoalOs = np.stack([g.X_WOgoal @ np.linalg.inv(g.X_WO) for g in found])
     assert len(found) == 2 * len(HANG_THETAS_RAD)
     differences = np.abs(X_GoalOs[:, None] - X_GoalOs[None]).max(axis=(2, 3))

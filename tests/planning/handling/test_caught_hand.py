@@ -8,17 +8,19 @@ import pytest
 
 from planning.execution.executor import ExecutionResult
 from planning.execution.faults import CATCHING_FORCE_N
+from planning.goals.hang import SUBGOAL as HANG
+from planning.goals.upright import SUBGOAL as REORIENT
 from planning.handling.attempts import AttemptLimits
 from planning.handling.handler import KEPT_SHIFT_M
 from planning.handling.held_view import HeldView
 from planning.handling.recovery import Recovery
 from planning.motion.free import NoMotion
-from planning.problem import Segment, SegmentName, Stage, Subgoal
+from planning.problem import Segment, SegmentName, Stage
 from split_drake.poses import Array, invert_pose, make_pose, rotation_z, transform_points
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.robot.panda import Q_HOME
 from tests.helpers.handling import WIDTH_M, Placer, failures, handle, sees
-from tests.helpers.planning import UPRIGHT, mug_problem, reorient_plan
+from tests.helpers.planning import STANDING, mug_problem, reorient_plan
 from tests.helpers.robot import PerfectRobot
 
 
@@ -61,7 +63,7 @@ def test_ways_out_know_where_the_object_was_let_go(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(Recovery, "eased_out", eased_out)
     handle(robot, Placer(), catch(robot, SLOPE_W))
-    plan, cloud = reorient_plan(), mug_problem(Subgoal.REORIENT, UPRIGHT).p_WPs
+    plan, cloud = reorient_plan(), mug_problem(REORIENT, STANDING).p_WPs
     X_WMoved = plan.X_WGplace @ X_GE @ invert_pose(plan.X_WGrasp)
     np.testing.assert_allclose(found[0], transform_points(X_WMoved, cloud), atol=1e-6)
 
@@ -109,7 +111,7 @@ def test_a_hung_object_is_left_where_the_hand_was_eased_out(
 ) -> None:
     """The rest of the plan, which leads back from the hook, starts elsewhere."""
     robot = PerfectRobot(WIDTH_M)
-    plan = replace(reorient_plan(), subgoal=Subgoal.HANG)
+    plan = replace(reorient_plan(), subgoal=HANG)
     handled = handle(robot, Placer(), catch(robot, SLOPE_W), plan=plan)
     (attempt,) = handled.attempts
     assert attempt.failure == (None, "") and attempt.recovery == "eased the hand out"

@@ -53,13 +53,13 @@ class HighAtFirst:
         self._looks = 0
 
     def detect(
-        self, scene: Scene, tasks: Sequence[PoseTask], rng: np.random.Generator
-    ) -> dict[PoseTask, PoseSet]:
+        self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
+    ) -> dict[str, PoseSet]:
         found = self._detector.detect(scene, tasks, rng)
         self._looks += 1
         if self._looks == 1:
             above = make_pose(p=(0.0, 0.0, 0.10))
-            found[PoseTask.GRASP] = found[PoseTask.GRASP].moved(above)
+            found["grasp"] = found["grasp"].moved(above)
         return found
 
 

@@ -9,6 +9,7 @@ from planning.handling.held_view import MAX_TURN_RAD, beside_robot, view_held
 from split_drake.camera import DepthView
 from split_drake.data.render import DepthRenderer
 from split_drake.objects.mugs.split import load_mug
+from split_drake.pose_task import HANDLE
 from split_drake.poses import (
     Array,
     invert_pose,
@@ -60,7 +61,7 @@ def held(X_GE: Array) -> list[DepthView]:
 
 def errors_m(X_GEseen: Array, X_GE: Array) -> Array:
     """Return how far off a measurement has the handle's middle and the body's, (2,)."""
-    p_OPs = np.stack([MUG.handle_poses(np.eye(4))[0, :3, 3], MUG.body.p_OCom])
+    p_OPs = np.stack([MUG.true_poses(HANDLE, np.eye(4))[0, :3, 3], MUG.body.p_OCom])
     p_EPs = transform_points(invert_pose(X_OG), p_OPs)
     off = transform_points(X_GEseen, p_EPs) - transform_points(X_GE, p_EPs)
     return np.asarray(np.linalg.norm(off, axis=1))

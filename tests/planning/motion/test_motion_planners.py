@@ -13,19 +13,21 @@ import tests.helpers.one_bend  # noqa: F401  (registers "one-bend")
 from planning.checking.trajectory_check import TrajectoryChecker
 from planning.collision.world import CollisionWorld, Situation
 from planning.geometry.perceived import voxel_centroids
+from planning.goals.hang import SUBGOAL as HANG
+from planning.goals.upright import SUBGOAL as REORIENT
 from planning.motion.free import MotionQuery, NoMotion
 from planning.motion.gcs import GcsMotion
 from planning.motion.regions import Regions, grow_regions, load_regions, save_regions
 from planning.planner import make_planner, planner_names
-from planning.problem import Plan, Subgoal
+from planning.problem import Plan
 from split_drake.poses import Array, make_pose, transform_points
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.robot.panda import Q_HOME
 from split_drake.station.layout import Layout
-from tests.helpers.planning import LYING, UPRIGHT, configuration, mug_cloud, mug_problem
+from tests.helpers.planning import LYING, STANDING, configuration, mug_cloud, mug_problem
 
 LEFT, RIGHT = (0.5, -0.12, 0.25), (0.5, 0.12, 0.25)
-CASES = {"hang": (Subgoal.HANG, UPRIGHT), "reorient": (Subgoal.REORIENT, LYING)}
+CASES = {"hang": (HANG, STANDING), "reorient": (REORIENT, LYING)}
 
 
 @cache

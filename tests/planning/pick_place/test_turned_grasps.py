@@ -1,27 +1,31 @@
 """Grasps turned about a mug's axis hold it as those that were detected do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from planning.goals.hang import SUBGOAL as HANG
+from planning.goals.upright import SUBGOAL as REORIENT
 from planning.pick_place.fingers import fit_fingers
 from planning.pick_place.turned_grasps import TURNED, turned_grasps
 from planning.planner import make_planner
-from planning.problem import Plan, PlanFailure, PlanningProblem, Stage, Subgoal
+from planning.problem import Plan, PlanFailure, PlanningProblem, Stage
+from planning.subgoal import Subgoal
 from split_drake.pose_set import PoseSet
-from split_drake.pose_task import PoseTask
+from split_drake.pose_task import GRASP
 from split_drake.poses import Array, invert_pose, make_pose, rotation_error_rad
-from split_drake.robot.panda import Q_HOME
-from tests.helpers.planning import LYING, UPRIGHT, mug_problem, rim_grasps
+from tests.helpers.planning import LYING, STANDING, mug_problem, rim_grasps
 
 
 def grasp_set(X_WGs: Array) -> PoseSet:
-    return PoseSet(PoseTask.GRASP, X_WGs, np.linspace(1.0, 0.9, len(X_WGs)))
+    return PoseSet(GRASP, X_WGs, np.linspace(1.0, 0.9, len(X_WGs)))
 
 
 def test_turned_grasps_are_as_far_from_the_axis_and_as_high_on_it() -> None:
     X_OG = rim_grasps()[0]
-    turned = turned_grasps(grasp_set(UPRIGHT @ X_OG[None]), UPRIGHT)
-    p_OGs = (invert_pose(UPRIGHT) @ turned.X_WPs)[:, :3, 3]
+    turned = turned_grasps(grasp_set(STANDING @ X_OG[None]), STANDING)
+    p_OGs = (invert_pose(STANDING) @ turned.X_WPs)[:, :3, 3]
     np.testing.assert_allclose(np.hypot(*p_OGs[:, :2].T), np.hypot(*X_OG[:2, 3]))
     np.testing.assert_allclose(p_OGs[:, 2], X_OG[2, 3])
     angles = np.unique(np.round(np.degrees(np.arctan2(p_OGs[:, 1], p_OGs[:, 0])), 3))
@@ -30,16 +34,16 @@ def test_turned_grasps_are_as_far_from_the_axis_and_as_high_on_it() -> None:
 
 
 def test_grasps_that_were_detected_come_before_turned_ones() -> None:
-    detected = UPRIGHT @ rim_grasps()[:1]
-    turned = turned_grasps(grasp_set(detected), UPRIGHT)
+    detected = STANDING @ rim_grasps()[:1]
+    turned = turned_grasps(grasp_set(detected), STANDING)
     np.testing.assert_allclose(turned.X_WPs[0], detected[0], atol=1e-9)
     assert turned.scores[0] == 1.0 and turned.scores[1] <= TURNED
 
 
 def test_turned_grasps_pinch_the_wall_as_deeply() -> None:
-    problem = mug_problem(Subgoal.HANG, UPRIGHT)
-    detected = UPRIGHT @ rim_grasps()[:1]
-    turned = turned_grasps(grasp_set(detected), UPRIGHT)
+    problem = mug_problem(HANG, STANDING)
+    detected = STANDING @ rim_grasps()[:1]
+    turned = turned_grasps(grasp_set(detected), STANDING)
     upright = rotation_error_rad(turned.X_WPs[:, :3, :3], detected[0, :3, :3]) > 0.1
     plain = [X for X in turned.X_WPs[upright] if X[2, 2] < -0.99]
     assert len(plain) > 3
@@ -49,7 +53,7 @@ def test_turned_grasps_pinch_the_wall_as_deeply() -> None:
 
 
 def test_grasps_that_no_arm_reaches_are_left_out() -> None:
-    far = make_pose(p=(3.0, 0.0, 0.0)) @ UPRIGHT
+    far = make_pose(p=(3.0, 0.0, 0.0)) @ STANDING
     assert len(turned_grasps(grasp_set(far @ rim_grasps()), far)) == 0
 
 
@@ -59,21 +63,20 @@ def from_below(subgoal: Subgoal) -> PlanningProblem:
     below = LYING @ rim_grasps()
     below = below[below[:, 2, 2] > 0.3]
     assert len(below)
-    pose_sets = {**known.pose_sets, PoseTask.GRASP: grasp_set(below)}
-    return PlanningProblem(subgoal, pose_sets, known.p_WPs, Q_HOME)
+    return replace(known, pose_sets={**known.pose_sets, "grasp": grasp_set(below)})
 
 
 def test_a_plan_is_found_where_all_detected_grasps_are_out_of_reach() -> None:
-    problem = from_below(Subgoal.REORIENT)
+    problem = from_below(REORIENT)
     plan = make_planner("default").plan(problem, np.random.default_rng(0))
     assert isinstance(plan, Plan), plan
-    assert problem.pose_sets[PoseTask.GRASP].X_WPs[:, 2, 2].min() > 0.3 > plan.X_WGrasp[2, 2]
+    assert problem.pose_sets["grasp"].X_WPs[:, 2, 2].min() > 0.3 > plan.X_WGrasp[2, 2]
 
 
 def test_without_an_upright_pose_nothing_is_turned() -> None:
-    problem = from_below(Subgoal.HANG)
-    pose_sets = {t: s for t, s in problem.pose_sets.items() if t is not PoseTask.UPRIGHT}
-    unknown = PlanningProblem(Subgoal.HANG, pose_sets, problem.p_WPs, Q_HOME)
+    problem = from_below(HANG)
+    pose_sets = {name: s for name, s in problem.pose_sets.items() if name != "upright"}
+    unknown = replace(problem, pose_sets=pose_sets)
     outcome = make_planner("default").plan(unknown, np.random.default_rng(0))
     assert isinstance(outcome, PlanFailure) and outcome.stage is Stage.PLANNING
     assert "turned" not in outcome.reason

@@ -118,7 +118,8 @@ def test_scenes_from_rendered_views_lie_on_the_mug() -> None:
     mug = load_mug("train_002")
     X_WO = make_pose(p=(0.52, 0.03, 0.0))
     renderer = DepthRenderer(mug.body.mesh)
-    scene = Scene.from_views([renderer.render(X_WO, camera) for camera in CAMERAS])
+    views = [renderer.render(X_WO, camera) for camera in CAMERAS]
+    scene = Scene.from_views(views, Layout().workspace)
     lower, upper = mug.body.mesh.bounds + X_WO[:3, 3]
     assert scene.p_WSs.shape == (2000, 3)
     assert (scene.p_WSs > lower - 1e-4).all()

@@ -7,6 +7,7 @@ import trimesh
 from split_drake.data.rests import RestsError, load_rests, settle
 from split_drake.objects.mugs.split import load_mug
 from split_drake.objects.rigid import Primitive, RigidObject
+from split_drake.station.config import StationConfig
 from split_drake.truth.rest import axis_tilt_rad
 from split_drake.truth.starts import UPSIDE_DOWN_RAD
 
@@ -17,7 +18,7 @@ def test_dropped_box_lies_on_one_of_its_faces() -> None:
     inertia = mesh.moment_inertia * 0.2 / mesh.volume
     pieces = (Primitive("box", size, np.eye(4)),)
     box = RigidObject("box", mesh, 0.2, np.zeros(3), inertia, pieces)
-    rests = settle(box, 3, np.random.default_rng(0))
+    rests = settle(box, 3, np.random.default_rng(0), StationConfig())
     assert rests.dropped >= len(rests.X_TOs) == 3
     np.testing.assert_allclose(rests.X_TOs[:, 2, 3], 0.03, atol=1e-3)
     flat = np.abs(rests.X_TOs[:, 2, :3]).max(axis=1)
@@ -25,7 +26,7 @@ def test_dropped_box_lies_on_one_of_its_faces() -> None:
 
 
 def test_shipped_rests_touch_the_table_and_are_not_upside_down() -> None:
-    mug, rests = load_mug("test_005"), load_rests("test_005")
+    mug, rests = load_mug("test_005"), load_rests("test", "test_005")
     for X_TO in rests.X_TOs:
         lowest_m = (mug.body.mesh.vertices @ X_TO[2, :3]).min() + X_TO[2, 3]
         assert abs(lowest_m) < 0.002
@@ -33,6 +34,7 @@ def test_shipped_rests_touch_the_table_and_are_not_upside_down() -> None:
     assert rests.dropped >= len(rests.X_TOs)
 
 
-def test_unknown_mug_is_refused() -> None:
-    with pytest.raises(RestsError, match="train_999"):
-        load_rests("train_999")
+@pytest.mark.parametrize("name", ["train_999", "test_005"])
+def test_mugs_that_are_not_of_the_split_are_refused(name: str) -> None:
+    with pytest.raises(RestsError, match=f"{name}.*expected one of train's mugs"):
+        load_rests("train", name)

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from split_drake.evaluation.coverage import covered
+from split_drake.evaluation.judgement import covered
 from split_drake.poses import Array, make_pose, rotation_x, rotation_z
 
 NONE = np.zeros((0, 4, 4))

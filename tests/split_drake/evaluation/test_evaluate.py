@@ -1,7 +1,8 @@
 """The evaluation's command: its options, and what it refuses."""
 
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,30 +11,38 @@ import trimesh
 from split_drake.evaluation import scenes as eval_scenes
 from split_drake.evaluation.evaluate import (
     EvaluateConfig,
+    MugEvalOptions,
     describe_detector,
     main,
     require_shippable,
     require_unseen,
 )
+from split_drake.evaluation.evaluation import Evaluation
 from split_drake.evaluation.scenes import EvalMugs, EvalOptions
+from split_drake.objects.mug_source import MugSource
 from split_drake.objects.mugs.split import load_mug
+from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
+from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, default_weights, load_checkpoint
+from split_drake.split.detector import SplitDetector
 from split_drake.split.network import SplitConfig
+from split_drake.station.layout import Layout
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("make", "message"),
     [
-        ({"scenes": 0}, "scenes is 0; expected at least 1"),
-        ({"scenes_per_mug": 0}, "scenes_per_mug is 0; expected at least 1"),
-        ({"physics_scenes": -1}, "physics_scenes is -1; expected at least 0"),
-        ({"noise_m": -0.001}, "noise_m is -0.001; expected a standard deviation"),
-        ({"mugs": "cups"}, "mugs are 'cups'; expected train, test, or a folder"),
+        (lambda: MugEvalOptions(scenes=0), "scenes is 0; expected at least 1"),
+        (lambda: MugEvalOptions(scenes_per_mug=0), "scenes_per_mug is 0; expected at least 1"),
+        (lambda: EvalOptions(physics_scenes=-1), "physics_scenes is -1; expected at least 0"),
+        (lambda: EvalOptions(noise_m=-0.001), "noise_m is -0.001; expected a standard deviation"),
+        (lambda: MugEvalOptions(noise_m=-0.001), "noise_m is -0.001; expected a standard"),
+        (lambda: MugEvalOptions(mugs="cups"), "mugs are 'cups'; expected train, test, or a folder"),
     ],
 )
-def test_impossible_options_are_refused(options: dict[str, object], message: str) -> None:
+def test_impossible_options_are_refused(make: Callable[[], EvalOptions], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        EvalOptions(**options)  # type: ignore[arg-type]
+        make()
 
 
 def test_there_must_be_workers(tmp_path: Path) -> None:
@@ -46,22 +55,52 @@ def test_a_folder_of_meshes_gives_mugs_and_their_scenes(
 ) -> None:
     monkeypatch.setattr(eval_scenes, "RESTS", 1)
     load_mug("test_000").body.mesh.export(tmp_path / "mine.stl")
-    options = EvalOptions(mugs=str(tmp_path), scenes_per_mug=7)
-    mugs = EvalMugs(options)
-    assert (mugs.names, mugs.scenes()) == (("mine",), 7)
-    assert mugs.of_scene(0) is mugs.of_scene(6)
-    assert mugs.of_scene(0).true_grasps is None
-    assert mugs.of_scene(0).draw(np.random.default_rng(0)).p_WSs.shape == (2000, 3)
+    options = MugEvalOptions(mugs=str(tmp_path), scenes_per_mug=7)
+    mugs = EvalMugs(options.source, Layout())
+    assert (mugs.names(), options.wanted()) == (("mine",), 7)
+    mug = mugs.make(0, seed=0)
+    assert mug.true_grasps is None
+    assert mug.draw(np.random.default_rng(0)).p_WSs.shape == (2000, 3)
 
 
 def test_scenes_are_spread_evenly_over_the_mugs_of_a_split() -> None:
-    mugs = EvalMugs(EvalOptions(scenes=90))
-    assert mugs.scenes() == 90
-    assert len(mugs.names) == 40
+    options = MugEvalOptions(scenes=90)
+    assert options.wanted() == 90
+    assert len(EvalMugs(options.source, Layout()).names()) == 40
+
+
+def evaluation(
+    options: MugEvalOptions,
+    tasks: tuple[PoseTask, ...] = MUG_TASKS,
+    workspace: Workspace | None = None,
+) -> Evaluation:
+    """Return an evaluation of the weights that ship."""
+    layout = Layout(workspace=workspace or Workspace())
+    return options.evaluation(SplitDetector.from_checkpoint, {"name": "split"}, tasks, layout)
+
+
+def test_scenes_are_those_that_the_options_say() -> None:
+    asked = evaluation(MugEvalOptions(scenes=90, physics_scenes=3, noise_m=0.001, seed=5))
+    assert asked.options == EvalOptions(physics_scenes=3, noise_m=0.001, seed=5)
+    assert asked.subjects == EvalMugs(MugSource("test"), asked.subjects.layout)
+    assert asked.scenes == 90
+
+
+def test_a_question_is_about_all_but_how_many_scenes_there_are() -> None:
+    question = evaluation(MugEvalOptions(scenes=90)).question()
+    assert evaluation(MugEvalOptions(scenes=91)).question() == question
+    elsewhere = Workspace(p_WCenter=(0.4, 0.0, 0.0))
+    others: list[dict[str, Any]] = [
+        evaluation(MugEvalOptions(seed=1)).question(),
+        evaluation(MugEvalOptions(mugs="train")).question(),
+        evaluation(MugEvalOptions(), tasks=(GRASP,)).question(),
+        evaluation(MugEvalOptions(), workspace=elsewhere).question(),
+    ]
+    assert question not in others
 
 
 def test_other_meshes_are_told_apart(tmp_path: Path) -> None:
-    options = EvalOptions(mugs=str(tmp_path))
+    options = MugEvalOptions(mugs=str(tmp_path))
     trimesh.creation.box().export(tmp_path / "one.stl")
     before = options.source.sha256()
     assert before == options.source.sha256()
@@ -69,10 +108,20 @@ def test_other_meshes_are_told_apart(tmp_path: Path) -> None:
     assert options.source.sha256() != before
 
 
-def info(commit: str = "c0ffee", **changes: object) -> CheckpointInfo:
+def info(commit: str = "c0ffee", earlier_commits: tuple[str, ...] = ()) -> CheckpointInfo:
     """Return the provenance of a checkpoint."""
-    provenance = CheckpointInfo(SplitConfig(), {}, 0, "train", commit, steps=1, scenes=8)
-    return replace(provenance, **changes)  # type: ignore[arg-type]
+    return CheckpointInfo(
+        config=SplitConfig(),
+        tasks=MUG_TASKS,
+        workspace=Workspace(),
+        training={},
+        seed=0,
+        dataset_hash="train",
+        commit=commit,
+        steps=1,
+        scenes=8,
+        earlier_commits=earlier_commits,
+    )
 
 
 def test_figures_on_mugs_of_the_training_are_refused(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from split_drake.grasps.judge import GraspJudge
 from split_drake.grasps.sampling import sample_grasps
 from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.mugs.split import load_mug
+from split_drake.pose_task import HANDLE, Symmetry
 from split_drake.poses import Array, make_pose, rotation_x, rotation_y, rotation_z
 
 HALF_TURN = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -29,11 +30,24 @@ def test_poses_are_good_within_a_centimetre_and_fifteen_degrees_of_any_true_one(
         HALF_TURN @ make_pose(rotation_y(np.radians(5.0)), (0.0, 0.0, 0.002)),
         make_pose(rotation_z(np.pi)),
     ]
-    judgement = judge_poses(X_WH @ np.stack(offsets), np.stack([X_WH, X_WH @ HALF_TURN]))
+    judgement = judge_poses(X_WH @ np.stack(offsets), X_WH[None], HANDLE.symmetry)
     assert judgement.good.tolist() == [True, False, False, True, False]
     assert judgement.position_m == pytest.approx([0.009, 0.0, 0.011, 0.002, 0.0], abs=1e-9)
     degrees = np.degrees(judgement.rotation_rad)
     assert degrees == pytest.approx([14.0, 16.0, 0.0, 5.0, 180.0], abs=1e-4)
+
+
+def test_poses_are_compared_with_the_nearest_true_one_up_to_their_symmetry() -> None:
+    X_WTruths = np.stack([np.eye(4), make_pose(rotation_x(1.0), (0.1, 0.0, 0.0))])
+    X_WPs = X_WTruths @ make_pose(rotation_z(2.0), (0.001, 0.0, 0.0))
+    as_they_are = judge_poses(X_WPs, X_WTruths, Symmetry())
+    assert not as_they_are.good.any()
+    assert as_they_are.rotation_rad == pytest.approx([2.0, 2.0])
+    round_ones = judge_poses(X_WPs, X_WTruths, Symmetry.any_turn("z"))
+    assert round_ones.good.all()
+    assert round_ones.position_m == pytest.approx([0.001, 0.001])
+    assert round_ones.rotation_rad == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert not judge_poses(X_WPs, X_WTruths, Symmetry.any_turn("x")).good.any()
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +58,7 @@ def mug() -> MugShape:
 @pytest.fixture(scope="module")
 def X_OGs(mug: MugShape) -> Array:
     """True grasps of the mug."""
-    return sample_grasps(mug, np.random.default_rng(0), positives=60, negatives=3).X_OGs
+    return sample_grasps(mug.body, np.random.default_rng(0), positives=60, negatives=3).X_OGs
 
 
 def test_true_grasps_are_good_but_for_those_from_below(mug: MugShape, X_OGs: Array) -> None:

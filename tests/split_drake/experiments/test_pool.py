@@ -4,11 +4,13 @@ import multiprocessing
 import os
 import time
 from collections.abc import Callable
+from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import pytest
 
-from split_drake.experiments.pool import WorkerPool
+from split_drake.experiments.pool import InThisProcess, WorkerDiedError, WorkerPool
 
 
 def square_or_die(item: int) -> int:
@@ -26,6 +28,46 @@ def crashed(item: int) -> int:
 def test_a_dead_worker_costs_only_the_item_that_killed_it(workers: int) -> None:
     results = list(WorkerPool(square_or_die, workers, crashed).run(range(6)))
     assert sorted(results) == [-3, 0, 1, 4, 16, 25]
+
+
+def test_without_a_stand_in_the_lost_items_are_named_after_all_other_results() -> None:
+    arrived = []
+    with pytest.raises(WorkerDiedError, match=r"died at 3$"):
+        for result in WorkerPool(square_or_die, workers=2).run(range(6)):
+            arrived.append(result)
+    assert sorted(arrived) == [0, 1, 4, 16, 25]
+
+
+def mark_start(marks: Path) -> None:
+    with (marks / str(os.getpid())).open("a") as file:
+        file.write("started ")
+
+
+def starts_before(marks: Path) -> str:
+    return (marks / str(os.getpid())).read_text()
+
+
+def test_each_worker_is_started_once_before_its_items(tmp_path: Path) -> None:
+    pool = WorkerPool(starts_before, workers=2, start_worker=partial(mark_start, tmp_path))
+    assert list(pool.run([tmp_path] * 8)) == ["started "] * 8
+    marks = [mark.read_text() for mark in tmp_path.iterdir()]
+    assert 1 <= len(marks) <= 2
+    assert set(marks) == {"started "}
+
+
+def process_of(item: int) -> tuple[int, int]:
+    return item, os.getpid()
+
+
+def test_a_pool_in_this_process_takes_items_in_turn_and_starts_no_other() -> None:
+    assert list(InThisProcess(process_of).run([3, 1, 2])) == [(n, os.getpid()) for n in (3, 1, 2)]
+
+
+def test_a_pool_in_this_process_works_on_an_item_when_it_is_asked_for() -> None:
+    asked: list[int] = []
+    results = InThisProcess(asked.append).run(range(6))
+    assert len(list(islice(results, 2))) == 2
+    assert asked == [0, 1]
 
 
 def spawn_and_stay(marks: Path) -> None:
@@ -66,4 +108,4 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
 
 def test_no_workers_is_an_error() -> None:
     with pytest.raises(ValueError, match="workers is 0"):
-        WorkerPool(square_or_die, crashed, 0)
+        WorkerPool(square_or_die, 0, crashed)

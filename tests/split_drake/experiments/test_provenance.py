@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from split_drake.experiments import provenance
-from split_drake.experiments.provenance import code_sha256, code_version
+from split_drake.experiments.provenance import UNKNOWN_COMMIT, code_sha256, code_version
 from split_drake.experiments.run import claim_folder
 
 
@@ -42,6 +42,6 @@ def test_code_that_is_no_checkout_has_no_commit(
 ) -> None:
     monkeypatch.setattr(provenance, "_ROOT", tmp_path)
     found = code_version()
-    assert found["commit"] is None
+    assert found["commit"] == UNKNOWN_COMMIT
     assert len(found["code_sha256"]) == 64
     assert {"python", "drake"} <= set(found["versions"])

@@ -12,16 +12,16 @@ from split_drake.objects.mugs.split import load_mug, mugs_sha256
 
 
 def test_candidates_are_firm_and_the_first_span_the_mug() -> None:
-    X_OGs, openings, qualities = candidates(load_mug("train_003"), np.random.default_rng(0))
+    X_OGs, openings, qualities = candidates(load_mug("train_003").body, np.random.default_rng(0))
     assert len(X_OGs) == len(openings) == WIDE + STEADY
     assert (qualities >= MIN_QUALITY).all()
     assert np.ptp(X_OGs[:10, :3, 3], axis=0).max() > 0.05
 
 
 def test_later_candidates_are_not_spoilt_by_small_errors() -> None:
-    mug = load_mug("train_003")
-    X_OGs, openings, _ = candidates(mug, np.random.default_rng(0))
-    steadiness = GraspJudge(mug.body.mesh).steadiness(X_OGs, openings, np.random.default_rng(1))
+    body = load_mug("train_003").body
+    X_OGs, openings, _ = candidates(body, np.random.default_rng(0))
+    steadiness = GraspJudge(body.mesh).steadiness(X_OGs, openings, np.random.default_rng(1))
     assert np.median(steadiness[WIDE:]) > np.median(steadiness[:WIDE]) + 0.1
     assert np.median(steadiness[WIDE:]) > 0.65
 

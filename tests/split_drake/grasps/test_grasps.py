@@ -132,7 +132,7 @@ def mug(request: pytest.FixtureRequest) -> MugShape:
 
 @pytest.fixture(scope="module")
 def labels(mug: MugShape) -> GraspLabels:
-    return sample_grasps(mug, np.random.default_rng(0), positives=800, negatives=200)
+    return sample_grasps(mug.body, np.random.default_rng(0), positives=800, negatives=200)
 
 
 def test_labels_are_enough_and_in_range(labels: GraspLabels) -> None:
@@ -164,12 +164,12 @@ def test_positives_pinch_material_between_free_fingers(mug: MugShape, labels: Gr
 def test_positives_stay_good_and_negatives_bad_when_checked(
     mug: MugShape, labels: GraspLabels
 ) -> None:
-    assert check_grasps(mug, labels.X_OGs).good.mean() > 0.97
-    assert check_grasps(mug, labels.X_OGnegatives).good.mean() < 0.03
+    assert check_grasps(mug.body, labels.X_OGs).good.mean() > 0.97
+    assert check_grasps(mug.body, labels.X_OGnegatives).good.mean() < 0.03
 
 
 def test_false_grasps_fail_by_far(mug: MugShape, labels: GraspLabels) -> None:
-    false = false_grasps(mug, labels.X_OGs, 120, np.random.default_rng(0))
+    false = false_grasps(mug.body, labels.X_OGs, 120, np.random.default_rng(0))
     assert 100 < len(false.X_OGs) <= 120
     check = GraspJudge(mug.body.mesh).check_opened(false.X_OGs, false.openings_m)
     assert (check.collides | (check.qualities < CLEARLY_WEAK)).all()
@@ -183,7 +183,7 @@ def test_false_grasps_fail_by_far(mug: MugShape, labels: GraspLabels) -> None:
 
 def test_narrow_mugs_are_grasped_by_rim_body_and_handle() -> None:
     mug = load_mug("train_006")
-    labels = sample_grasps(mug, np.random.default_rng(0))
+    labels = sample_grasps(mug.body, np.random.default_rng(0))
     widths = labels.openings_m - opening_for(np.zeros(1))
     radius = np.hypot(labels.X_OGs[:, 0, 3], labels.X_OGs[:, 1, 3])
     on_handle = radius > mug.outer_diameter_m / 2
@@ -193,13 +193,13 @@ def test_narrow_mugs_are_grasped_by_rim_body_and_handle() -> None:
 
 
 def test_labels_follow_the_seed(mug: MugShape, labels: GraspLabels) -> None:
-    again = sample_grasps(mug, np.random.default_rng(0), positives=800, negatives=200)
+    again = sample_grasps(mug.body, np.random.default_rng(0), positives=800, negatives=200)
     assert np.array_equal(labels.X_OGs, again.X_OGs)
     assert np.array_equal(labels.X_OGnegatives, again.X_OGnegatives)
 
 
 def test_objects_too_wide_to_grasp_are_named(mug: MugShape) -> None:
     ball = trimesh.creation.icosphere(radius=0.1)
-    big = replace(mug, body=replace(mug.body, name="big_ball", mesh=ball))
+    big = replace(mug.body, name="big_ball", mesh=ball)
     with pytest.raises(ValueError, match="big_ball has no grasp among 0 candidates"):
         sample_grasps(big, np.random.default_rng(0))

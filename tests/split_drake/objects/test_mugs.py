@@ -1,6 +1,7 @@
 """Parametric mugs: geometry of the meshes, their collision pieces, and the fixed split."""
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,7 +12,12 @@ from scipy.spatial import cKDTree
 from split_drake.objects.mug_shape import InvalidMugError, MugShape
 from split_drake.objects.mugs.build import OPENING_CLEARANCE_M, build_mug
 from split_drake.objects.mugs.collision import simplify_path
-from split_drake.objects.mugs.parameters import PROFILES, outer_radius_m, sample_parameters
+from split_drake.objects.mugs.parameters import (
+    PROFILES,
+    BodyProfile,
+    outer_radius_m,
+    sample_parameters,
+)
 from split_drake.objects.mugs.split import draw_mugs, load_mug, mug_names, mug_parameters
 from split_drake.objects.rigid import Primitive
 from split_drake.poses import Array, invert_pose, transform_points
@@ -19,7 +25,7 @@ from split_drake.poses import Array, invert_pose, transform_points
 
 def one_of_each_profile() -> list[str]:
     """Return the first training mug of each body profile."""
-    names = {}
+    names: dict[str, str] = {}
     for name in mug_names("train"):
         names.setdefault(mug_parameters(name).profile, name)
     return [names[profile] for profile in PROFILES]
@@ -129,7 +135,7 @@ def test_collision_stays_within_the_mesh(mug: MugShape) -> None:
     outer = np.min([signed_distances(piece, p_OQs) for piece in pieces], axis=0) > -1e-5
     p_OPs, _ = trimesh.sample.sample_surface(mug.body.mesh, 40000, seed=0)
     # The samples are a millimetre apart: distances to them overestimate those to the surface.
-    distances = cKDTree(p_OPs).query(p_OQs[outer])[0]
+    distances = np.asarray(cKDTree(p_OPs).query(p_OQs[outer])[0])
     assert np.percentile(distances, 95) < 0.0016
     assert distances.max() < 0.003
     assert p_OQs[:, 2].min() > -1e-4
@@ -151,7 +157,7 @@ def test_the_split_has_distinct_shapes() -> None:
     numbers = [mug_parameters(n).numbers() for n in (*mug_names("train"), *mug_names("test"))]
     # Mass is the last; leave it out, and the outer size: shapes must differ in more than scale.
     shape = np.array(numbers)[:, 2:-1]
-    distances, _ = cKDTree(shape).query(shape, k=2)
+    distances = np.asarray(cKDTree(shape).query(shape, k=2)[0])
     assert distances[:, 1].min() > 0.1
 
 
@@ -201,7 +207,7 @@ def test_parameters_out_of_range_are_named() -> None:
     with pytest.raises(ValueError, match=r"wall_m is 4\.0; expected 0\.0025 to 0\.005"):
         replace(parameters, wall_m=4.0)
     with pytest.raises(ValueError, match=r"profile is 'vase'; expected one of"):
-        replace(parameters, profile="vase")
+        replace(parameters, profile=cast(BodyProfile, "vase"))
 
 
 @pytest.mark.parametrize("name", ["train_200", "validation_000", "test", "test_-1", ""])

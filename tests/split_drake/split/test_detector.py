@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,10 +11,19 @@ import pytest
 import torch
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
+from torch import Tensor
 
-from split_drake.pose_task import PoseTask
+from split_drake.pose_task import (
+    GRASP,
+    MUG_TASKS,
+    UPRIGHT,
+    PoseTask,
+    Symmetry,
+    UnknownTaskError,
+)
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import (
+    FIRST_WORKSPACE,
     CheckpointError,
     CheckpointInfo,
     default_weights,
@@ -22,18 +32,24 @@ from split_drake.split.checkpoint import (
 )
 from split_drake.split.detector import WIDE_TEMPERATURE, SamplerConfig, SplitDetector
 from split_drake.split.network import SplitConfig, SplitNetwork
-from split_drake.split.sampling import LangevinConfig
+from split_drake.split.sampling import LangevinConfig, ReverseDiffusion
 
-TASKS = (PoseTask.GRASP, PoseTask.HANDLE, PoseTask.UPRIGHT)
+LID = PoseTask("lid", Symmetry.any_turn("z"), "z along the thread")
 SAMPLER = SamplerConfig(samples=16, langevin=LangevinConfig(steps=4), threshold=0.0)
 
 
 @pytest.fixture(scope="module")
 def network() -> SplitNetwork:
     torch.manual_seed(0)
-    return SplitNetwork(
-        SplitConfig(channels=(4, 8, 8), context_grids=(0, 1, 3), width=32, layers=4)
-    )
+    config = SplitConfig(channels=(4, 8, 8), context_grids=(0, 1, 3), width=32, layers=4)
+    return SplitNetwork(config, MUG_TASKS)
+
+
+def detector_of(
+    network: SplitNetwork, config: SamplerConfig = SAMPLER, workspace: Workspace | None = None
+) -> SplitDetector:
+    """Return a detector that was trained on a workspace, the default one where none is given."""
+    return SplitDetector(network, workspace or Workspace(), config)
 
 
 def make_scene(workspace: Workspace | None = None) -> Scene:
@@ -48,21 +64,22 @@ def make_scene(workspace: Workspace | None = None) -> Scene:
 
 
 def test_same_seed_and_scene_give_the_same_poses(network: SplitNetwork) -> None:
-    detector = SplitDetector(network, SAMPLER)
+    detector = detector_of(network)
     first, again, other = (
-        detector.detect(make_scene(), TASKS, np.random.default_rng(seed)) for seed in (0, 0, 1)
+        detector.detect(make_scene(), MUG_TASKS, np.random.default_rng(seed)) for seed in (0, 0, 1)
     )
-    for task in TASKS:
-        assert np.array_equal(first[task].X_WPs, again[task].X_WPs)
-        assert np.array_equal(first[task].scores, again[task].scores)
-        assert not np.allclose(first[task].X_WPs, other[task].X_WPs)
+    assert first.keys() == {"grasp", "handle", "upright"}
+    for name in first:
+        assert np.array_equal(first[name].X_WPs, again[name].X_WPs)
+        assert np.array_equal(first[name].scores, again[name].scores)
+        assert not np.allclose(first[name].X_WPs, other[name].X_WPs)
 
 
 def test_pose_sets_are_those_asked_for_and_inside_the_workspace(network: SplitNetwork) -> None:
-    wanted = (PoseTask.UPRIGHT, PoseTask.GRASP)
-    found = SplitDetector(network, SAMPLER).detect(make_scene(), wanted, np.random.default_rng(0))
-    assert tuple(found) == wanted
-    for task, pose_set in found.items():
+    wanted = (UPRIGHT, GRASP)
+    found = detector_of(network).detect(make_scene(), wanted, np.random.default_rng(0))
+    assert tuple(found) == ("upright", "grasp")
+    for task, pose_set in zip(wanted, found.values(), strict=True):
         assert pose_set.task == task
         assert len(pose_set) == SAMPLER.samples
         p_VPs = pose_set.X_WPs[:, :3, 3] - Workspace().p_WV
@@ -70,11 +87,35 @@ def test_pose_sets_are_those_asked_for_and_inside_the_workspace(network: SplitNe
         assert p_VPs.max() < Workspace().edge_m + 1e-6
 
 
+def test_tasks_may_be_asked_for_by_their_names(network: SplitNetwork) -> None:
+    detector = detector_of(network)
+    by_name, by_value = (
+        detector.detect(make_scene(), tasks, np.random.default_rng(0))
+        for tasks in (("handle", "upright"), MUG_TASKS[1:])
+    )
+    assert tuple(by_name) == tuple(by_value) == ("handle", "upright")
+    for name in by_name:
+        assert by_name[name].task == by_value[name].task
+        assert np.array_equal(by_name[name].X_WPs, by_value[name].X_WPs)
+    assert detector.detect(make_scene(), (), np.random.default_rng(0)) == {}
+
+
+def test_a_task_that_the_network_does_not_know_is_an_error(network: SplitNetwork) -> None:
+    detector, rng = detector_of(network), np.random.default_rng(0)
+    message = "the checkpoint has no task 'lid'; it has grasp, handle, upright"
+    for ask in (detector.detect, detector.sample):
+        with pytest.raises(UnknownTaskError, match=message):
+            ask(make_scene(), (GRASP, LID), rng)
+    unlike = replace(UPRIGHT, symmetry=Symmetry.any_turn("z"))
+    with pytest.raises(UnknownTaskError, match=r"'upright' has the symmetry .*'any turn'"):
+        detector.detect(make_scene(), (unlike,), rng)
+
+
 def test_poses_follow_a_workspace_that_stands_elsewhere(network: SplitNetwork) -> None:
-    detector = SplitDetector(network, SAMPLER)
+    detector = detector_of(network)
     elsewhere = Workspace(p_WCenter=(-0.2, 0.7, 0.3))
     here, there = (
-        detector.detect(make_scene(workspace), TASKS[:1], np.random.default_rng(0))[TASKS[0]]
+        detector.detect(make_scene(workspace), (GRASP,), np.random.default_rng(0))["grasp"]
         for workspace in (Workspace(), elsewhere)
     )
     shift = elsewhere.p_WV - Workspace().p_WV
@@ -84,53 +125,77 @@ def test_poses_follow_a_workspace_that_stands_elsewhere(network: SplitNetwork) -
 def test_a_workspace_of_another_size_is_an_error(network: SplitNetwork) -> None:
     scene = make_scene(Workspace(edge_m=0.4))
     with pytest.raises(ValueError, match=r"0\.4.*trained for \(0\.3"):
-        SplitDetector(network, SAMPLER).detect(scene, TASKS, np.random.default_rng(0))
+        detector_of(network).detect(scene, MUG_TASKS, np.random.default_rng(0))
+    other_table = Workspace(table_clearance_m=0.01)
+    with pytest.raises(ValueError, match=r"trained for \(0\.3, 0\.05, 0\.01"):
+        detector_of(network, workspace=other_table).detect(
+            make_scene(), MUG_TASKS, np.random.default_rng(0)
+        )
 
 
 def test_poses_below_the_threshold_are_rejected(network: SplitNetwork) -> None:
     scene, rng = make_scene(), np.random.default_rng(0)
-    scores = SplitDetector(network, SAMPLER).sample(scene, TASKS[:1], rng)[TASKS[0]].scores
+    scores = detector_of(network).sample(scene, (GRASP,), rng)["grasp"].scores
     threshold = float(np.median(scores))
     config = SamplerConfig(samples=16, langevin=SAMPLER.langevin, threshold=threshold)
-    kept = SplitDetector(network, config).detect(scene, TASKS[:1], np.random.default_rng(0))
-    assert len(kept[TASKS[0]]) == np.count_nonzero(scores >= threshold)
-    assert 0 < len(kept[TASKS[0]]) < len(scores)
-    assert kept[TASKS[0]].scores.min() >= threshold
+    detector = detector_of(network, config)
+    kept = detector.detect(scene, (GRASP,), np.random.default_rng(0))["grasp"]
+    assert detector.threshold == threshold
+    assert len(kept) == np.count_nonzero(scores >= threshold)
+    assert 0 < len(kept) < len(scores)
+    assert kept.scores.min() >= threshold
 
 
 def test_all_rejected_gives_an_empty_pose_set(network: SplitNetwork) -> None:
     config = SamplerConfig(samples=16, langevin=SAMPLER.langevin, threshold=0.999)
-    found = SplitDetector(network, config).detect(make_scene(), TASKS, np.random.default_rng(0))
-    assert [len(found[task]) for task in TASKS] == [0, 0, 0]
+    found = detector_of(network, config).detect(make_scene(), MUG_TASKS, np.random.default_rng(0))
+    assert {name: len(pose_set) for name, pose_set in found.items()} == {
+        "grasp": 0,
+        "handle": 0,
+        "upright": 0,
+    }
+
+
+def stand_still(process: ReverseDiffusion, X: Tensor) -> Tensor:
+    """Integrate nothing."""
+    return X
 
 
 def test_an_integrator_takes_the_place_of_the_dynamics(network: SplitNetwork) -> None:
     starts: list[np.ndarray] = []
-    detector = SplitDetector(network, SAMPLER, integrator=lambda score, X, *_, confine, callback: X)
-    samples = detector.sample(make_scene(), TASKS[:1], np.random.default_rng(0))
-    SplitDetector(network, SAMPLER).sample(
+    detector = SplitDetector(network, Workspace(), SAMPLER, integrator=stand_still)
+    samples = detector.sample(make_scene(), (GRASP,), np.random.default_rng(0))
+    detector_of(network).sample(
         make_scene(),
-        TASKS[:1],
+        (GRASP,),
         np.random.default_rng(0),
         callback=lambda step, X_VPs: starts.append(X_VPs.numpy().copy()),
     )
     p_WPs = starts[0][0, :, :3, 3] + Workspace().p_WV
-    assert np.allclose(samples[TASKS[0]].X_WPs[:, :3, 3], p_WPs)
+    assert np.allclose(samples["grasp"].X_WPs[:, :3, 3], p_WPs)
     assert len(starts) == SAMPLER.langevin.steps + SAMPLER.langevin.final_steps + 1
 
 
-@pytest.mark.parametrize("options", [{"samples": 0}, {"threshold": 1.5}])
-def test_impossible_sampler_options_are_errors(options: dict[str, float]) -> None:
-    (name,) = options
-    with pytest.raises(ValueError, match=name):
-        SamplerConfig(**options)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: SamplerConfig(samples=0), "samples is 0; expected at least 1"),
+        (lambda: SamplerConfig(threshold=1.5), "threshold is 1.5; expected a score"),
+    ],
+)
+def test_impossible_sampler_options_are_errors(
+    make: Callable[[], SamplerConfig], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()
 
 
-@pytest.fixture
-def checkpoint(tmp_path: Path, network: SplitNetwork) -> Path:
-    path = tmp_path / "split.safetensors"
-    info = CheckpointInfo(
+def info_of(network: SplitNetwork) -> CheckpointInfo:
+    """Return where a network is said to come from."""
+    return CheckpointInfo(
         config=network.config,
+        tasks=network.tasks,
+        workspace=Workspace(p_WCenter=(0.4, 0.1, 0.2)),
         training={"minutes": 1.0},
         seed=3,
         dataset_hash="d4ta",
@@ -139,7 +204,12 @@ def checkpoint(tmp_path: Path, network: SplitNetwork) -> Path:
         scenes=80,
         metrics={"grasp": 0.5},
     )
-    save_checkpoint(path, network, info)
+
+
+@pytest.fixture
+def checkpoint(tmp_path: Path, network: SplitNetwork) -> Path:
+    path = tmp_path / "split.safetensors"
+    save_checkpoint(path, network, info_of(network))
     return path
 
 
@@ -147,16 +217,39 @@ def test_checkpoint_rebuilds_network_and_provenance(
     checkpoint: Path, network: SplitNetwork
 ) -> None:
     loaded, info = load_checkpoint(checkpoint)
-    assert info.config == network.config
+    assert info == info_of(network)
     assert (info.seed, info.dataset_hash, info.commit) == (3, "d4ta", "c0ffee")
     assert (info.steps, info.scenes, info.metrics) == (10, 80, {"grasp": 0.5})
     assert not loaded.training
     poses = [
-        SplitDetector(n, SAMPLER).detect(make_scene(), TASKS, np.random.default_rng(0))
+        detector_of(n).detect(make_scene(), MUG_TASKS, np.random.default_rng(0))
         for n in (network, loaded)
     ]
-    for task in TASKS:
-        assert np.array_equal(poses[0][task].X_WPs, poses[1][task].X_WPs)
+    for name in poses[0]:
+        assert np.array_equal(poses[0][name].X_WPs, poses[1][name].X_WPs)
+
+
+def test_a_checkpoint_brings_its_tasks_and_its_workspace(
+    tmp_path: Path, network: SplitNetwork
+) -> None:
+    path, workspace = tmp_path / "lids.safetensors", Workspace(edge_m=0.4)
+    torch.manual_seed(0)
+    lids = SplitNetwork(replace(network.config, edge_m=0.4), (LID, GRASP))
+    save_checkpoint(path, lids, replace(info_of(lids), workspace=workspace))
+    detector = SplitDetector.from_checkpoint(path, SAMPLER)
+    assert (detector.tasks, detector.workspace) == ((LID, GRASP), workspace)
+    found = detector.detect(make_scene(workspace), ("lid",), np.random.default_rng(0))
+    assert found["lid"].task == LID
+    assert len(found["lid"]) == SAMPLER.samples
+
+
+def test_provenance_of_another_network_is_not_written(
+    tmp_path: Path, network: SplitNetwork
+) -> None:
+    path = tmp_path / "split.safetensors"
+    with pytest.raises(ValueError, match="info describes"):
+        save_checkpoint(path, network, replace(info_of(network), tasks=(GRASP,)))
+    assert not path.exists()
 
 
 def test_missing_checkpoint_is_named(tmp_path: Path) -> None:
@@ -230,7 +323,7 @@ def test_weights_that_are_not_finite_are_neither_loaded_nor_saved(
     save_file(tensors, checkpoint, metadata)
     with pytest.raises(CheckpointError, match=r"1 of \d+ tensors .* score_head\.output\.bias"):
         load_checkpoint(checkpoint)
-    network.encoder.blocks[0].reduce[1].running_var[0] = value
+    network.get_buffer("encoder.blocks.0.reduce.1.running_var")[0] = value
     before = checkpoint.read_bytes()
     with pytest.raises(CheckpointError, match=r"running_var among them"):
         save_checkpoint(checkpoint, network, info)
@@ -247,7 +340,7 @@ def test_where_a_network_comes_from_is_kept(checkpoint: Path, network: SplitNetw
 
 
 def test_a_widened_detector_differs_in_the_temperature_alone(network: SplitNetwork) -> None:
-    detector = SplitDetector(network, SamplerConfig(samples=7))
+    detector = detector_of(network, SamplerConfig(samples=7))
     wide = detector.widened()
     langevin = replace(detector.config.langevin, temperature=WIDE_TEMPERATURE)
     assert wide.config == replace(detector.config, langevin=langevin) != detector.config
@@ -264,6 +357,7 @@ def test_the_weights_of_the_project_are_usable_small_and_documented() -> None:
     assert default_weights().stat().st_size <= 20e6
     network, info = load_checkpoint(default_weights())
     assert info.config == SplitConfig() == network.config
+    assert (info.tasks, info.workspace) == (MUG_TASKS, FIRST_WORKSPACE)
     assert re.fullmatch(r"[0-9a-f]{64}", info.dataset_hash)
     assert re.match(r"[0-9a-f]{40}", info.commit)
     assert info.steps > 0
@@ -275,5 +369,5 @@ def test_the_weights_of_the_project_tell_what_they_reached() -> None:
     assert info.metrics, "not evaluated: training.evaluate --ship records the metrics"
     assert info.metrics["mugs"] == "test"
     assert not info.commit.endswith("-dirty")
-    for task in TASKS:
-        assert info.metrics[task]["top_good"]["all"]["share"] > 0.9
+    for task in MUG_TASKS:
+        assert info.metrics[task.name]["top_good"]["all"]["share"] > 0.9

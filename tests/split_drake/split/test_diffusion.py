@@ -75,11 +75,17 @@ def test_impossible_schedules_are_errors(bounds: tuple[float, float]) -> None:
         NoiseSchedule(sigma_min=bounds[0], sigma_max=bounds[1])
 
 
-@pytest.mark.parametrize("options", [{"steps": 0}, {"temperature": -1.0}, {"final_steps": -1}])
-def test_impossible_dynamics_are_errors(options: dict[str, float]) -> None:
-    (name,) = options
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda: LangevinConfig(steps=0), "steps=0"),
+        (lambda: LangevinConfig(temperature=-1.0), "temperature=-1"),
+        (lambda: LangevinConfig(final_steps=-1), "final_steps=-1"),
+    ],
+)
+def test_impossible_dynamics_are_errors(make: Callable[[], LangevinConfig], name: str) -> None:
     with pytest.raises(ValueError, match=name):
-        LangevinConfig(**options)  # type: ignore[arg-type]
+        make()
 
 
 def two_poses() -> Tensor:

@@ -1,30 +1,32 @@
 """The fast way to scores and logits against the network itself."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from torch import Tensor
 
-from split_drake.pose_task import PoseTask
+from split_drake.pose_task import MUG_TASKS, UPRIGHT, PoseTask, Symmetry
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.inference import ScenePredictor
-from split_drake.split.network import TASKS, SplitConfig, SplitNetwork
+from split_drake.split.network import SplitConfig, SplitNetwork
 from split_drake.split.se3 import compose, uniform_rotations
 
-SMALL = {"channels": (4, 8, 80), "width": 32, "layers": 4, "context_grids": (0, 1, 3)}
+SMALL = SplitConfig(channels=(4, 8, 80), width=32, layers=4, context_grids=(0, 1, 3))
 # Some grids looked up and one folded, all folded, none folded, and the variants of the network.
 CONFIGS = {
-    "mixed": SplitConfig(**(SMALL | {"channels": (4, 8, 80, 96), "context_grids": (0, 1, 3, 4)})),
-    "folded": SplitConfig(**(SMALL | {"channels": (4, 8, 80, 96, 128), "context_grids": (4, 5)})),
-    "looked up": SplitConfig(**(SMALL | {"context_grids": (0, 1)})),
-    "global context": SplitConfig(**SMALL, context="global"),
-    "global frame": SplitConfig(**SMALL, score_frame="global"),
+    "mixed": replace(SMALL, channels=(4, 8, 80, 96), context_grids=(0, 1, 3, 4)),
+    "folded": replace(SMALL, channels=(4, 8, 80, 96, 128), context_grids=(4, 5)),
+    "looked up": replace(SMALL, context_grids=(0, 1)),
+    "global context": replace(SMALL, context="global"),
+    "global frame": replace(SMALL, score_frame="global"),
 }
 
 
-def randomized(config: SplitConfig) -> SplitNetwork:
+def randomized(config: SplitConfig, tasks: tuple[PoseTask, ...] = MUG_TASKS) -> SplitNetwork:
     """Return a network in inference mode, all of whose numbers matter, with outputs of about 1."""
     torch.manual_seed(0)
-    network = SplitNetwork(config)
+    network = SplitNetwork(config, tasks)
     for head in (network.score_head, network.evaluator_head):
         torch.nn.init.normal_(head.output.weight, std=0.1)
         torch.nn.init.normal_(head.film.bias, std=0.1)
@@ -53,7 +55,7 @@ def assert_like_the_network(
 ) -> None:
     """Compare scores and logits at so many poses a task."""
     X_VPs, occupied = poses(len(tasks), samples), occupied_grid()
-    indices = torch.tensor([TASKS.index(task) for task in tasks])
+    indices = torch.tensor([network.tasks.index(task) for task in tasks])
     with torch.inference_mode():
         tables = network.encode(occupied[None])
         context = network.local_context(tables, X_VPs.flatten(0, 1)[None])
@@ -70,18 +72,24 @@ def assert_like_the_network(
 
 @pytest.mark.parametrize("name", CONFIGS)
 def test_predictions_are_those_of_the_network(name: str) -> None:
-    assert_like_the_network(randomized(CONFIGS[name]), TASKS)
+    assert_like_the_network(randomized(CONFIGS[name]), MUG_TASKS)
 
 
-@pytest.mark.parametrize("tasks", [TASKS[1:], TASKS[::-1], (PoseTask.UPRIGHT,)])
+@pytest.mark.parametrize("tasks", [MUG_TASKS[1:], MUG_TASKS[::-1], (UPRIGHT,)])
 def test_predictions_are_those_of_the_tasks_asked_for(tasks: tuple[PoseTask, ...]) -> None:
     assert_like_the_network(randomized(CONFIGS["mixed"]), tasks)
 
 
+def test_predictions_may_be_of_any_tasks() -> None:
+    lid = PoseTask("lid", Symmetry.any_turn("z"))
+    network = randomized(CONFIGS["mixed"], (UPRIGHT, lid))
+    assert_like_the_network(network, (lid, UPRIGHT))
+
+
 @pytest.mark.parametrize("samples", [1, 7, 16, 50])
 def test_predictions_do_not_depend_on_how_many_there_are(samples: int) -> None:
-    assert_like_the_network(randomized(CONFIGS["mixed"]), TASKS[:2], samples)
+    assert_like_the_network(randomized(CONFIGS["mixed"]), MUG_TASKS[:2], samples)
 
 
 def test_predictions_of_the_shipped_weights_are_those_of_the_network() -> None:
-    assert_like_the_network(load_checkpoint(default_weights())[0], TASKS)
+    assert_like_the_network(load_checkpoint(default_weights())[0], MUG_TASKS)

@@ -1,11 +1,15 @@
 """SPLIT's network: feature lookup, local context and its symmetry, conditioning, configuration."""
 
+from collections.abc import Callable
+from typing import cast
+
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 from torch.nn import functional
 
+from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask, Symmetry
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.context import FeatureTables, in_pose_axes, point_kernel
 from split_drake.split.network import ContextKind, ScoreFrame, SplitConfig, SplitNetwork
@@ -18,6 +22,7 @@ def small_network(
     context_grids: tuple[int, ...] = (0, 1, 3),
     context: ContextKind = "local",
     score_frame: ScoreFrame = "sample",
+    tasks: tuple[PoseTask, ...] = MUG_TASKS,
 ) -> SplitNetwork:
     """Return a small untrained network in inference mode."""
     torch.manual_seed(0)
@@ -29,7 +34,7 @@ def small_network(
         context=context,
         score_frame=score_frame,
     )
-    return SplitNetwork(config).eval()
+    return SplitNetwork(config, tasks).eval()
 
 
 def random_grid(size: int, scenes: int = 2) -> Tensor:
@@ -130,6 +135,18 @@ def test_heads_answer_by_task_and_noise_level() -> None:
     assert torch.allclose(by_task[0], by_sigma[1], atol=1e-6)
 
 
+def test_heads_are_for_as_many_tasks_as_there_are() -> None:
+    network = small_network(tasks=(GRASP, PoseTask("lid", Symmetry.any_turn("z"))))
+    torch.nn.init.normal_(network.evaluator_head.film.weight)
+    context = torch.rand(1, 5, network.config.context_width).expand(2, 5, -1)
+    with torch.inference_mode():
+        logits = network.evaluate(context, torch.arange(2))
+    assert logits.shape == (2, 5)
+    assert (logits[0] - logits[1]).abs().min() > 0.0
+    with pytest.raises(RuntimeError, match="num_classes"), torch.inference_mode():
+        network.evaluate(context, torch.tensor([0, 2]))
+
+
 def random_scenes() -> Tensor:
     """Return two scenes (2, 64, 64, 64), a blob each."""
     scenes = torch.zeros(2, 64, 64, 64, dtype=torch.bool)
@@ -201,16 +218,15 @@ def test_weights_from_before_there_were_variants_are_split() -> None:
 
 
 @pytest.mark.parametrize(
-    "options",
+    ("make", "name"),
     [
-        {"resolution": 32},
-        {"context_grids": (0, 6)},
-        {"layers": 2},
-        {"context": "nearby"},
-        {"score_frame": "robot"},
+        (lambda: SplitConfig(resolution=32), "resolution"),
+        (lambda: SplitConfig(context_grids=(0, 6)), "context_grids"),
+        (lambda: SplitConfig(layers=2), "layers"),
+        (lambda: SplitConfig(context=cast(ContextKind, "nearby")), "context"),
+        (lambda: SplitConfig(score_frame=cast(ScoreFrame, "robot")), "score_frame"),
     ],
 )
-def test_impossible_architectures_are_errors(options: dict[str, object]) -> None:
-    (name,) = options
+def test_impossible_architectures_are_errors(make: Callable[[], SplitConfig], name: str) -> None:
     with pytest.raises(ValueError, match=name):
-        SplitConfig(**options)  # type: ignore[arg-type]
+        make()

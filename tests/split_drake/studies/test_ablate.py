@@ -12,11 +12,13 @@ import pytest
 import torch
 from rich.console import Console
 
-from split_drake.evaluation.examiner import DetectorMaker
-from split_drake.pose_task import PoseTask
+from split_drake.evaluation.evaluation import Evaluation
+from split_drake.pose_set import PoseSet, SamplingDetector, ScoredPoses, accepted_poses
+from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask, UnknownTaskError, find_tasks
 from split_drake.scene import Scene, Workspace
-from split_drake.split.detector import SamplerConfig, ScoredSamples, SplitDetector
-from split_drake.split.network import TASKS, SplitConfig
+from split_drake.split.checkpoint import default_weights
+from split_drake.split.detector import SplitDetector
+from split_drake.split.network import SplitConfig
 from split_drake.studies import ablate
 from split_drake.studies.ablate import AblateConfig
 from split_drake.studies.ablation_detectors import ChanceRanking, ModelPerTask, make_detector
@@ -32,16 +34,17 @@ from split_drake.studies.ablation_variants import (
     Variant,
 )
 from split_drake.training import trainer
-from split_drake.training.losses import Losses
+from split_drake.training.batches import BatchConfig, draw_batch
+from split_drake.training.losses import Losses, compute_losses
 from tests.helpers.training import BATCH, NETWORK, OPTIMIZER, make_scenes, scenes_on_cpu
 
+SAMPLES = 50
 SCENE = Scene(np.zeros((0, 3)), np.zeros((0, 3)), Workspace())
 
 
 def small(network: SplitConfig) -> SplitConfig:
     """Return a small network of the same kind."""
-    kind = {"context": network.context, "score_frame": network.score_frame}
-    return replace(NETWORK, resolution=32, **kind)
+    return replace(NETWORK, resolution=32, context=network.context, score_frame=network.score_frame)
 
 
 def test_every_model_of_a_row_is_trained_and_rows_do_not_share_a_folder() -> None:
@@ -50,66 +53,96 @@ def test_every_model_of_a_row_is_trained_and_rows_do_not_share_a_folder() -> Non
     assert len({variant.folder_name for variant in VARIANTS}) == len(VARIANTS)
 
 
-def test_models_of_one_task_see_as_many_poses_of_it_as_the_model_of_all() -> None:
-    for task, model in zip(TASKS, ONE_PER_TASK, strict=True):
-        assert model.batch.tasks == (task,)
-        number = TASKS.index(task)
-        assert model.batch.task_counts[number] == FULL.batch.task_counts[number]
-    negatives = [model.batch.negatives for model in ONE_PER_TASK]
-    assert negatives == [FULL.batch.negatives, 0, 0], "negatives are grasps"
+def test_models_of_one_task_see_as_many_poses_of_it_as_the_model_of_all(tmp_path: Path) -> None:
+    config = AblateConfig(data=tmp_path, out=tmp_path / "out")
+    full = config.training(FULL)
+    assert full.tasks == tuple(task.name for task in MUG_TASKS)
+    for task, model in zip(MUG_TASKS, ONE_PER_TASK, strict=True):
+        run = config.training(model)
+        assert run.tasks == (task.name,)
+        assert run.batch.trained((task,)) == (task,)
+        assert run.batch.count(task) == full.batch.count(task)
+        assert run.batch.negatives == full.batch.negatives
 
 
 @pytest.mark.parametrize(
     "model", [GLOBAL_LATENT, GLOBAL_LATENT_SAMPLE_FRAME, GLOBAL_FRAME], ids=lambda m: m.name
 )
 def test_variants_of_the_network_learn(model: Model) -> None:
-    engine = trainer.Trainer(
-        scenes_on_cpu(), small(model.network), BATCH, OPTIMIZER, seed=0, bfloat16=False
-    )
-    losses = [engine.take_step(progress=0.0).denoising.detach() for _ in range(60)]
-    first, last = (torch.stack(part).mean(0) for part in (losses[:10], losses[-10:]))
+    scenes, network = scenes_on_cpu(), small(model.network)
+    engine = trainer.Trainer(scenes, network, BATCH, OPTIMIZER, seed=0, bfloat16=False)
+    # The losses of one large batch: those of the steps are of a few poses each.
+    generator = torch.Generator().manual_seed(0)
+    batch = draw_batch(scenes, replace(BATCH, scenes=64), network, generator)
+    with torch.no_grad():
+        first = compute_losses(engine.network, batch, bfloat16=False).denoising
+    for _ in range(120):
+        engine.take_step(progress=0.0)
+    with torch.no_grad():
+        last = compute_losses(engine.network, batch, bfloat16=False).denoising
     assert (last < 0.95 * first).all(), f"{first} -> {last}"
 
 
 @dataclass
 class FixedDetector:
-    """Returns as many poses at height `z_m` as asked for, the highest ranked first."""
+    """Returns `SAMPLES` poses at height `z_m`, the highest ranked first."""
 
     z_m: float = 0.0
-    config: SamplerConfig = SamplerConfig(samples=50)  # noqa: RUF009, frozen
-    asked: tuple[PoseTask, ...] = ()
+    threshold: float = 0.4
+    asked: tuple[str, ...] = ()
 
     def sample(
-        self, scene: Scene, tasks: Sequence[PoseTask], rng: np.random.Generator
-    ) -> dict[PoseTask, ScoredSamples]:
-        self.asked = tuple(tasks)
-        X_WPs = np.tile(np.eye(4), (self.config.samples, 1, 1))
+        self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
+    ) -> dict[str, ScoredPoses]:
+        self.asked = tuple(map(str, tasks))
+        X_WPs = np.tile(np.eye(4), (SAMPLES, 1, 1))
         X_WPs[:, 2, 3] = self.z_m
-        scores = np.linspace(1.0, 0.0, self.config.samples)
-        return {task: ScoredSamples(X_WPs, scores) for task in tasks}
+        return {name: ScoredPoses(X_WPs, np.linspace(1.0, 0.0, SAMPLES)) for name in self.asked}
+
+    def detect(
+        self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
+    ) -> dict[str, PoseSet]:
+        known = find_tasks(tasks, MUG_TASKS, "the detector")
+        return accepted_poses(self.sample(scene, known, rng), known, self.threshold)
 
 
 def test_without_an_evaluator_chance_ranks_all_samples() -> None:
-    detector = ChanceRanking(FixedDetector())
-    samples = detector.sample(SCENE, TASKS, np.random.default_rng(0))
-    again = detector.sample(SCENE, TASKS, np.random.default_rng(0))
-    tops = {int(samples[task].scores.argmax()) for task in TASKS}
+    detector = ChanceRanking(FixedDetector(), MUG_TASKS)
+    samples = detector.sample(SCENE, MUG_TASKS, np.random.default_rng(0))
+    again = detector.sample(SCENE, MUG_TASKS, np.random.default_rng(0))
+    assert samples.keys() == {"grasp", "handle", "upright"}
+    tops = {int(drawn.scores.argmax()) for drawn in samples.values()}
     assert tops != {0}, "the evaluator would rank the first sample highest"
-    for task in TASKS:
-        assert np.array_equal(samples[task].scores, again[task].scores)
-        assert (samples[task].scores >= detector.config.threshold).all()
-        assert len(np.unique(samples[task].scores)) == 50
+    for name, drawn in samples.items():
+        assert np.array_equal(drawn.scores, again[name].scores)
+        assert (drawn.scores >= detector.threshold).all()
+        assert len(np.unique(drawn.scores)) == SAMPLES
+    found = detector.detect(SCENE, ("handle",), np.random.default_rng(0))
+    assert {name: len(pose_set) for name, pose_set in found.items()} == {"handle": SAMPLES}
 
 
 def test_each_task_is_asked_of_its_own_model() -> None:
-    detectors = {task: FixedDetector(z_m=0.1 * i) for i, task in enumerate(TASKS)}
+    detectors = {task: FixedDetector(z_m=0.1 * i) for i, task in enumerate(MUG_TASKS)}
     together = ModelPerTask(detectors)
-    samples = together.sample(SCENE, TASKS, np.random.default_rng(0))
-    for i, task in enumerate(TASKS):
-        assert detectors[task].asked == (task,)
-        assert samples[task].X_WPs[0, 2, 3] == pytest.approx(0.1 * i)
-    with pytest.raises(ValueError, match="2 configurations; expected one"):
-        ModelPerTask(detectors | {TASKS[0]: FixedDetector(config=SamplerConfig(samples=2))})
+    samples = together.sample(SCENE, MUG_TASKS, np.random.default_rng(0))
+    for i, task in enumerate(MUG_TASKS):
+        assert detectors[task].asked == (task.name,)
+        assert samples[task.name].X_WPs[0, 2, 3] == pytest.approx(0.1 * i)
+    found = together.detect(SCENE, ("upright",), np.random.default_rng(0))["upright"]
+    assert found.task == MUG_TASKS[2]
+    assert 0 < len(found) < SAMPLES, "some are rejected"
+    with pytest.raises(ValueError, match="2 thresholds; expected one"):
+        ModelPerTask(detectors | {MUG_TASKS[0]: FixedDetector(threshold=0.2)})
+
+
+@pytest.mark.parametrize(
+    "detector",
+    [ChanceRanking(FixedDetector(), (GRASP,)), ModelPerTask({GRASP: FixedDetector()})],
+    ids=lambda detector: type(detector).__name__,
+)
+def test_tasks_that_no_model_knows_are_an_error(detector: SamplingDetector) -> None:
+    with pytest.raises(UnknownTaskError, match="the detector has no task 'handle'; it has grasp"):
+        detector.detect(SCENE, MUG_TASKS, np.random.default_rng(0))
 
 
 # --- whole ablations, of small models on posts, whose evaluation is a stand-in ---
@@ -118,25 +151,26 @@ BUDGET = 6
 
 
 def small_models() -> tuple[Model, ...]:
-    """Return a full model, one with a global latent, and one for handles alone."""
-    handles = replace(BATCH, grasps=0, uprights=0, negatives=0)
+    """Return a full model, one with a global latent, and one each for a task alone."""
     return (
-        Model("full", NETWORK, BATCH),
-        Model("global_latent", small(GLOBAL_LATENT.network), BATCH),
-        Model("only_handle", NETWORK, handles),
+        Model("full", NETWORK),
+        Model("global_latent", small(GLOBAL_LATENT.network)),
+        *(replace(model, network=NETWORK) for model in ONE_PER_TASK),
     )
 
 
-def stand_in_metrics(
-    make: DetectorMaker, detector: dict[str, Any], options: Any, out: Path, *_: object
-) -> dict[str, Any]:
+def stand_in_metrics(evaluation: Evaluation, out: Path, *_: object) -> dict[str, Any]:
     """Write and return metrics as `evaluation.evaluate` does, without looking at any scene."""
-    assert isinstance(make, partial)
-    assert isinstance(make(), SplitDetector | ModelPerTask | ChanceRanking)
-    hits = options.scenes // 2
-    share = {"share": 0.5, "hits": hits, "scenes": options.scenes, "wilson95": [0.41, 0.59]}
+    assert evaluation.tasks == MUG_TASKS
+    assert isinstance(evaluation.make_detector, partial)
+    detector = evaluation.make_detector()
+    assert isinstance(detector, SplitDetector | ModelPerTask | ChanceRanking)
+    assert detector.tasks == MUG_TASKS
+    scenes = evaluation.scenes
+    share = {"share": 0.5, "hits": scenes // 2, "scenes": scenes, "wilson95": [0.41, 0.59]}
     figures = {"top_good": {"all": share}, "samples_good": {"all": {"share": 0.25}}}
-    metrics = {str(task): figures for task in TASKS} | {"detector": detector, "by_mug": {}}
+    metrics: dict[str, Any] = {task.name: figures for task in MUG_TASKS}
+    metrics |= {"detector": evaluation.detector, "by_subject": {}}
     out.mkdir(parents=True, exist_ok=True)
     (out / "metrics.json").write_text(json.dumps(metrics))
     return metrics
@@ -145,18 +179,18 @@ def stand_in_metrics(
 @pytest.fixture
 def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> AblateConfig:
     """Return a short ablation of small models."""
-    full, latent, handle = small_models()
+    full, latent, *one_per_task = small_models()
     variants = (
         Variant("full", "SPLIT", (full,)),
         Variant("global latent", "no local kernel", (latent,)),
         Variant("without evaluator", "ranked by chance", (full,), ranked=False),
-        Variant("three models", "one each", (full, handle, full)),
+        Variant("three models", "one each", tuple(one_per_task)),
         Variant("full", "SPLIT", (full,), noise_m=0.01),
     )
-    monkeypatch.setattr(ablate, "MODELS", (full, latent, handle))
+    monkeypatch.setattr(ablate, "MODELS", (full, latent, *one_per_task))
     monkeypatch.setattr(ablate, "VARIANTS", variants)
     monkeypatch.setattr(ablate, "evaluate", stand_in_metrics)
-    monkeypatch.setattr(ablate.MugDataset, "open", staticmethod(lambda folder: make_scenes()))
+    monkeypatch.setattr(ablate.SceneDataset, "open", lambda folder: make_scenes())
     return AblateConfig(
         data=tmp_path / "posts", out=tmp_path / "ablation", steps=BUDGET, scenes=100, device="cpu"
     )
@@ -169,13 +203,15 @@ def run(config: AblateConfig) -> list[dict[str, Any]]:
     return rows
 
 
-def test_rows_say_what_they_cost_and_how_they_fare(config: AblateConfig) -> None:
+def test_rows_say_what_they_cost_and_what_they_reach(config: AblateConfig) -> None:
     rows = {(row["name"], row["noise_m"]): row for row in run(config)}
     assert len(rows) == 5
     one, three = rows["full", 0.005], rows["three models", 0.005]
-    assert one["scene_steps"] == BUDGET * BATCH.scenes
+    assert one["scene_steps"] == BUDGET * BatchConfig().scenes
     assert (three["models"], three["scene_steps"]) == (3, 3 * one["scene_steps"])
-    assert three["parameters"] == 3 * one["parameters"]
+    # Both heads of a model for one task are told of two tasks less.
+    spared = 2 * 2 * NETWORK.condition_width
+    assert three["parameters"] == 3 * (one["parameters"] - spared)
     assert rows["without evaluator", 0.005]["parameters"] == one["parameters"]
     assert one["metrics"]["handle"]["top_good"]["all"]["hits"] == 50
     table = (config.out / "ablations.md").read_text().splitlines()
@@ -205,9 +241,9 @@ def test_a_killed_ablation_goes_on(config: AblateConfig, monkeypatch: pytest.Mon
         run(config)
     taken = kill_at(100, monkeypatch)
     rows = run(config)
-    assert len(taken) == 2 * BUDGET, "the first model was trained, the second was not saved yet"
+    assert len(taken) == 4 * BUDGET, "the first model was trained, the second was not saved yet"
     assert run(config) == rows
-    assert len(taken) == 2 * BUDGET
+    assert len(taken) == 4 * BUDGET
 
 
 def test_only_the_report_can_be_made_again(
@@ -216,7 +252,7 @@ def test_only_the_report_can_be_made_again(
     rows = run(config)
     (config.out / "ablations.json").unlink()
     monkeypatch.setattr(ablate, "evaluate", None)
-    monkeypatch.setattr(ablate, "Run", None)
+    monkeypatch.setattr(ablate, "TrainingRun", None)
     report_only = replace(config, report_only=True)
     assert run(report_only) == rows
     (config.out / "evaluations" / "three_models_5mm" / "metrics.json").unlink()
@@ -236,7 +272,6 @@ def test_models_that_were_trained_otherwise_are_not_compared(config: AblateConfi
             run(changed)
 
 
-@pytest.mark.parametrize("count", [0, 2])
-def test_a_detector_has_one_checkpoint_or_one_for_each_task(count: int, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=f"{count} checkpoints; expected 1 or 3"):
-        make_detector((tmp_path,) * count, ranked=True)
+def test_a_detector_has_one_checkpoint_or_one_for_each_task() -> None:
+    with pytest.raises(ValueError, match="2 checkpoints know 6 tasks; expected one each"):
+        make_detector((default_weights(),) * 2, ranked=True)

@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from split_drake.pose_task import PoseTask
+from split_drake.evaluation.evaluation import Evaluation
 from split_drake.split.diffusion import NoiseSchedule
 from split_drake.split.sampling import ReverseDiffusion
 from split_drake.split.se3 import compose, uniform_rotations
@@ -64,11 +64,12 @@ def test_all_samplers_are_measured_and_reported(
 ) -> None:
     asked: list[dict[str, Any]] = []
 
-    def evaluate(_make: object, detector: dict[str, Any], *_: object) -> dict[str, Any]:
+    def evaluate(evaluation: Evaluation, *_: object) -> dict[str, Any]:
+        detector = evaluation.detector
         asked.append(detector)
         share = {"all": {"share": 1.0 - 1.0 / detector["evaluations"]}}
         task = {"top_good": share, "samples_good": share, "coverage": share}
-        return {str(name): task for name in PoseTask} | {"median_detect_s": 0.1}
+        return {name.name: task for name in evaluation.tasks} | {"median_detect_s": 0.1}
 
     monkeypatch.setattr(sampler_study, "evaluate", evaluate)
     main(StudyConfig(out=tmp_path))

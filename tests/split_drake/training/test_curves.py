@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from split_drake.training.curves import CurvesConfig, draw_curves, main, read_curves
@@ -52,8 +53,20 @@ def test_each_panel_shows_the_runs_that_have_its_curve(tmp_path: Path) -> None:
         "scenes a second": ["all", "handles"],
     }
     second = panels["denoising loss, handle"].get_lines()[1]
-    assert second.get_xydata().tolist() == [[100, 1.0], [200, 0.5], [300, 1 / 3]]
+    assert np.asarray(second.get_xydata()).tolist() == [[100, 1.0], [200, 0.5], [300, 1 / 3]]
     assert second.get_color() == "C1"
+
+
+def test_tasks_of_any_name_have_a_panel(tmp_path: Path) -> None:
+    lids = read_curves(write_run(tmp_path / "lids", keys=("grasp", "lid")))
+    panels = [axes for axes in draw_curves({"lids": lids}).axes if axes.get_visible()]
+    assert [axes.get_title() for axes in panels] == [
+        "denoising loss, grasp",
+        "denoising loss, lid",
+        "focal loss of the evaluator",
+        "learning rate",
+        "scenes a second",
+    ]
 
 
 def test_the_command_writes_an_image(tmp_path: Path) -> None:

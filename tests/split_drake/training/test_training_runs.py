@@ -14,20 +14,24 @@ import pytest
 import torch
 
 from split_drake.experiments.provenance import file_sha256
+from split_drake.pose_task import MUG_TASKS, UPRIGHT, PoseTask, Symmetry, UnknownTaskError
+from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointError, default_weights, load_checkpoint
-from split_drake.split.network import TASKS
 from split_drake.training import losses, trainer
 from split_drake.training.train import TrainConfig, train
 from split_drake.training.training_folder import TrainingFolder
-from tests.helpers.training import BATCH, NETWORK, OPTIMIZER, make_scenes
+from tests.helpers.training import BATCH, NETWORK, OPTIMIZER, PostScenes, make_scenes
+
+
+def have_scenes(scenes: PostScenes, patch: pytest.MonkeyPatch) -> None:
+    """Have these scenes stand in for any data set on disk."""
+    patch.setattr("split_drake.training.train.SceneDataset.open", lambda folder: scenes)
 
 
 @pytest.fixture(autouse=True)
 def posts(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have posts stand in for any data set on disk."""
-    monkeypatch.setattr(
-        "split_drake.training.train.MugDataset.open", staticmethod(lambda folder: make_scenes())
-    )
+    have_scenes(make_scenes(), monkeypatch)
 
 
 @pytest.fixture
@@ -59,12 +63,50 @@ def test_a_run_learns_and_exports_its_weights(options: TrainConfig) -> None:
     train(options)
     curves = curves_of(options)
     assert [line["step"] for line in curves] == [10, 20, 30, 40]
-    first, last = (sum(line[task] for task in TASKS) for line in (curves[0], curves[-1]))
+    first, last = (sum(line[task.name] for task in MUG_TASKS) for line in (curves[0], curves[-1]))
     assert last < 0.9 * first
     assert curves[-1]["focal"] < 0.7 * curves[0]["focal"]
     network, info = load_checkpoint(options.out / "split.safetensors")
     assert (info.steps, info.scenes, info.dataset_hash) == (40, 160, "post")
     assert network.config == NETWORK
+    assert (info.tasks, info.workspace) == (MUG_TASKS, Workspace())
+
+
+def test_a_run_is_for_the_tasks_of_its_data(
+    options: TrainConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    posts, lid = make_scenes(), PoseTask("lid", Symmetry.any_turn("z"), "z along the thread")
+    labels = {"lid": posts.labels["handle"], "upright": posts.labels["upright"]}
+    have_scenes(replace(posts, tasks=(lid, UPRIGHT), labels=labels), monkeypatch)
+    train(replace(options, steps=10))
+    assert curves_of(options)[-1].keys() >= {"lid", "upright", "focal"}
+    assert "grasp" not in curves_of(options)[-1]
+    network, info = load_checkpoint(options.out / "split.safetensors")
+    assert info.tasks == network.tasks == (lid, UPRIGHT)
+
+
+def test_a_run_may_be_for_some_of_the_tasks(options: TrainConfig) -> None:
+    train(replace(options, steps=10, tasks=("upright",)))
+    _, info = load_checkpoint(options.out / "split.safetensors")
+    assert info.tasks == (UPRIGHT,)
+    with pytest.raises(SystemExit, match=r"another run \(tasks was \['upright'\], is \[\]\)"):
+        train(replace(options, steps=10, resume=True))
+
+
+def test_tasks_that_the_data_do_not_have_are_an_error(options: TrainConfig) -> None:
+    message = "the dataset has no task 'lid'; it has grasp, handle, upright"
+    with pytest.raises(UnknownTaskError, match=message):
+        train(replace(options, tasks=("lid",)))
+    assert not options.out.exists()
+
+
+def test_a_network_for_another_cube_than_that_of_the_data_is_refused(
+    options: TrainConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    have_scenes(replace(make_scenes(), workspace=Workspace(edge_m=0.4)), monkeypatch)
+    with pytest.raises(SystemExit, match=r"= \(0\.3, 0\.05\), the dataset's is \(0\.4, 0\.05\)"):
+        train(options)
+    assert not options.out.exists()
 
 
 def interrupt_at(step: int, patch: pytest.MonkeyPatch) -> None:
@@ -117,7 +159,7 @@ import os, signal, sys
 from pathlib import Path
 import torch
 from tests.helpers.training import make_scenes
-from test_training_runs import killed_run
+from tests.split_drake.training.test_training_runs import killed_run
 from split_drake.training import train, trainer
 
 torch.set_num_threads(1)
@@ -129,7 +171,7 @@ def killed(engine, progress):
     return take_step(engine, progress)
 
 trainer.Trainer.take_step = killed
-train.MugDataset.open = staticmethod(lambda folder: make_scenes())
+train.SceneDataset.open = staticmethod(lambda folder: make_scenes())
 train.train(killed_run(Path(sys.argv[1])))
 """
 
@@ -184,7 +226,7 @@ def test_resuming_continues_the_curves(options: TrainConfig) -> None:
     train(replace(options, resume=True, steps=30))
     assert [line["step"] for line in curves_of(options)] == [10, 20, 30]
     assert "grasp" in curves_of(options)[-1], "what was beyond the state is trained again"
-    with pytest.raises(SystemExit, match="other values of seed;"):
+    with pytest.raises(SystemExit, match="another run \\(seed was 0, is 1\\)"):
         train(replace(options, resume=True, seed=1))
 
 
@@ -216,7 +258,7 @@ def test_a_run_killed_before_its_first_save_starts_anew(options: TrainConfig, re
     train(replace(options, steps=10, resume=resume))
     assert [line["step"] for line in curves_of(options)] == [10]
     (options.out / "state.pt").unlink()
-    with pytest.raises(SystemExit, match="other values of seed;"):
+    with pytest.raises(SystemExit, match="another run \\(seed was 0, is 1\\)"):
         train(replace(options, seed=1))
 
 
@@ -242,7 +284,7 @@ def test_first_weights_are_checked_before_anything_is_written(options: TrainConf
     assert not options.out.exists()
 
 
-@pytest.mark.parametrize("length", [{}, {"minutes": 1.0, "steps": 5}])
-def test_a_run_has_one_length(length: dict[str, float], tmp_path: Path) -> None:
+@pytest.mark.parametrize(("minutes", "steps"), [(None, None), (1.0, 5)])
+def test_a_run_has_one_length(minutes: float | None, steps: int | None, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="expected one of them"):
-        TrainConfig(data=tmp_path, out=tmp_path, **length)  # type: ignore[arg-type]
+        TrainConfig(data=tmp_path, out=tmp_path, minutes=minutes, steps=steps)

@@ -6,7 +6,9 @@ import pytest
 from split_drake.grasps.sampling import GraspLabels
 from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.mugs.split import load_mug
-from split_drake.pose_task import PoseTask
+from split_drake.objects.task_object import TaskObject
+from split_drake.pose_set import PoseSet
+from split_drake.pose_task import GRASP, HANDLE, MUG_TASKS, PoseTask, Symmetry, UnknownTaskError
 from split_drake.poses import Array, make_pose, rotation_x, rotation_z, transform_points
 from split_drake.scene import Scene
 from split_drake.station.station import Station
@@ -40,11 +42,16 @@ def _rim_labels(mug: MugShape) -> GraspLabels:
     return GraspLabels(X_OGs, np.full(len(X_OGs), 0.03), qualities, X_OGs[:0])
 
 
-def _detect(station: Station, mug: MugShape, max_grasps: int = 512) -> tuple[Array, Array, dict]:
+def _scene(station: Station) -> Scene:
+    return Scene.from_views(station.capture(), station.config.layout.workspace)
+
+
+def _detect(
+    station: Station, mug: MugShape, max_grasps: int = 512
+) -> tuple[Array, Array, dict[str, PoseSet]]:
     detector = OracleDetector(Truth(station), mug, _rim_labels(mug), max_grasps=max_grasps)
-    scene = Scene.from_views(station.capture())
-    sets = detector.detect(scene, tuple(PoseTask), np.random.default_rng(0))
-    return sets[PoseTask.GRASP].X_WPs, sets[PoseTask.GRASP].scores, sets
+    sets = detector.detect(_scene(station), MUG_TASKS, np.random.default_rng(0))
+    return sets["grasp"].X_WPs, sets["grasp"].scores, sets
 
 
 def test_truth_is_what_was_placed(station: Station, mug: MugShape) -> None:
@@ -68,8 +75,8 @@ def test_free_fall_has_gravitys_velocity_and_no_contact(mug: MugShape) -> None:
 
 def test_handle_and_upright_sets_are_the_true_poses(station: Station, mug: MugShape) -> None:
     _, _, sets = _detect(station, mug)
-    handle, upright = sets[PoseTask.HANDLE], sets[PoseTask.UPRIGHT]
-    np.testing.assert_allclose(handle.X_WPs, mug.handle_poses(X_WO_STANDING), atol=1e-12)
+    handle, upright = sets["handle"], sets["upright"]
+    np.testing.assert_allclose(handle.X_WPs, mug.true_poses(HANDLE, X_WO_STANDING), atol=1e-12)
     np.testing.assert_allclose(upright.X_WPs, X_WO_STANDING[None], atol=1e-12)
     assert handle.scores.tolist() == [1.0, 1.0]
     assert upright.scores.tolist() == [1.0]
@@ -88,3 +95,20 @@ def test_no_more_grasps_than_asked_for(station: Station, mug: MugShape) -> None:
     X_WGs, scores, _ = _detect(station, mug, max_grasps=5)
     assert len(X_WGs) == 5
     assert len(np.unique(scores)) == 5
+
+
+def test_what_an_object_has_of_its_own_tasks_is_found_where_it_is(
+    station: Station, mug: MugShape
+) -> None:
+    rim = PoseTask("rim", Symmetry.any_turn("z"), "z up, in the middle of the rim")
+    X_ORims = make_pose(p=(0.0, 0.0, mug.body.mesh.bounds[1][2]))[None]
+    cup = TaskObject(body=mug.body, X_OPs={rim: X_ORims})
+    detector = OracleDetector(Truth(station), cup, _rim_labels(mug))
+    assert detector.tasks == (GRASP, rim)
+    rng, scene = np.random.default_rng(0), _scene(station)
+    found = detector.detect(scene, ("rim",), rng)["rim"]
+    assert found.task == rim
+    np.testing.assert_allclose(found.X_WPs, X_WO_STANDING @ X_ORims, atol=1e-12)
+    assert found.scores.tolist() == [1.0]
+    with pytest.raises(UnknownTaskError, match="train_001 has no task 'handle'; it has grasp, rim"):
+        detector.detect(scene, (HANDLE,), rng)

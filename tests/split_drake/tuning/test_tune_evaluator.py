@@ -3,22 +3,25 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
-from split_drake.data.mug_scenes import MugScene
-from split_drake.grasps.free_hand import Hold
-from split_drake.grasps.judge import GraspJudge
+from split_drake.data.object_scenes import ObjectScene
+from split_drake.evaluation.scenes import EvalMugs
+from split_drake.experiments.run import AnotherRunError
+from split_drake.grasps.free_hand import GraspOutcome
 from split_drake.objects.mugs.split import load_mug
-from split_drake.pose_task import PoseTask
+from split_drake.pose_set import ScoredPoses
+from split_drake.pose_task import GRASP, MUG_TASKS, UPRIGHT, PoseTask
 from split_drake.poses import Array, make_pose, rotation_x
-from split_drake.scene import Scene
+from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
-from split_drake.split.detector import ScoredSamples
+from split_drake.split.detector import SplitDetector
 from split_drake.split.network import SplitNetwork
+from split_drake.split.sampling import StepCallback
+from split_drake.station.layout import Layout
 from split_drake.tuning import judged_grasps, tune_evaluator
 from split_drake.tuning.evaluator_tuning import (
     JudgedScenes,
@@ -27,6 +30,7 @@ from split_drake.tuning.evaluator_tuning import (
     tune_steps,
 )
 from split_drake.tuning.judged_grasps import JudgeConfig, JudgedGrasps, JudgedGraspsError
+from tests.helpers.evaluation import standing
 from tests.helpers.training import BATCH, FIRM_M, NETWORK, make_scenes, scenes_on_cpu
 
 
@@ -45,13 +49,30 @@ def judged_posts() -> JudgedGrasps:
         held=np.tile(sideways_m == 0.0, (20, 1)),
         mug_index=np.arange(20) // 2,
         mugs=10,
+        workspace=scenes.workspace,
     )
 
 
-def new_network() -> SplitNetwork:
+def new_network(tasks: tuple[PoseTask, ...] = MUG_TASKS) -> SplitNetwork:
     """Return a network that has learnt nothing."""
     torch.manual_seed(0)
-    return SplitNetwork(NETWORK).eval()
+    return SplitNetwork(NETWORK, tasks).eval()
+
+
+def save_new_network(path: Path) -> None:
+    """Write a checkpoint of a network that has learnt nothing."""
+    info = CheckpointInfo(
+        config=NETWORK,
+        tasks=MUG_TASKS,
+        workspace=Workspace(),
+        training={},
+        seed=0,
+        dataset_hash="post",
+        commit="abc",
+        steps=7,
+        scenes=56,
+    )
+    save_checkpoint(path, new_network(), info)
 
 
 @pytest.fixture
@@ -63,7 +84,7 @@ def config(tmp_path: Path) -> TuneConfig:
         out=tmp_path / "tuned.safetensors",
         steps=60,
         learning_rate=3e-3,
-        batch=replace(BATCH, grasps=0),
+        batch=replace(BATCH, poses_of={"grasp": 0}),
     )
 
 
@@ -82,21 +103,27 @@ def test_tuning_teaches_which_grasps_hold_and_nothing_else(config: TuneConfig) -
         assert torch.equal(value, before[name]) != name.startswith("evaluator_"), name
 
 
+def test_grasps_may_be_any_of_the_tasks_of_a_network(config: TuneConfig) -> None:
+    tasks = (UPRIGHT, GRASP)
+    used, held_out = JudgedScenes.split(judged_posts())
+    network = new_network(tasks)
+    list(tune_steps(network, scenes_on_cpu(tasks), used, config))
+    assert ranking_quality(network, held_out)["auc"] > 0.9
+
+
 def test_the_tuned_checkpoint_says_where_it_comes_from(
     config: TuneConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        tune_evaluator.MugDataset, "open", staticmethod(lambda folder: make_scenes())
-    )
+    monkeypatch.setattr(tune_evaluator.SceneDataset, "open", lambda folder: make_scenes())
     monkeypatch.setattr(JudgedGrasps, "open", lambda folder, names: judged_posts())
-    info = CheckpointInfo(NETWORK, {}, 0, "post", "abc", steps=7, scenes=56)
-    save_checkpoint(config.init, new_network(), info)
+    save_new_network(config.init)
     tune_evaluator.tune(replace(config, steps=2))
     _, tuned = load_checkpoint(config.out)
     assert (tuned.steps, tuned.scenes, tuned.dataset_hash) == (2, 16, "post")
     assert tuned.parent is not None
     assert (tuned.parent["commit"], tuned.parent["steps"]) == ("abc", 7)
     assert tuned.metrics["tuning"]["before"]["holds"] == 0.5
+    assert (tuned.tasks, tuned.workspace) == (MUG_TASKS, Workspace())
 
 
 def test_too_few_mugs_and_unjudged_grasps_are_errors(config: TuneConfig) -> None:
@@ -104,20 +131,27 @@ def test_too_few_mugs_and_unjudged_grasps_are_errors(config: TuneConfig) -> None
     few = replace(posts, mug_index=posts.mug_index % 9, mugs=9)
     with pytest.raises(ValueError, match="9 mugs; expected at least 10"):
         JudgedScenes.split(few)
-    with pytest.raises(ValueError, match=r"batch\.grasps is 8; expected 0"):
+    with pytest.raises(ValueError, match=r"batch\.poses_of has 8 grasps; expected 0"):
         replace(config, batch=BATCH)
 
 
-class DetectorOfTwo:
+class DetectorOfTwo(SplitDetector):
     """Detects a grasp above the mug's middle, and one below the table."""
 
+    def __init__(self) -> None:
+        super().__init__(new_network(), Workspace())
+
     def sample(
-        self, scene: Scene, tasks: Sequence[PoseTask], rng: np.random.Generator
-    ) -> dict[PoseTask, ScoredSamples]:
+        self,
+        scene: Scene,
+        tasks: Sequence[PoseTask | str],
+        rng: np.random.Generator,
+        callback: StepCallback | None = None,
+    ) -> dict[str, ScoredPoses]:
         middle = scene.p_WSs.mean(axis=0)
         p_WGs = np.stack([[middle[0], middle[1], 0.3], [middle[0], middle[1], -0.1]])
         X_WGs = make_pose(np.stack([rotation_x(np.pi)] * 2), p_WGs)
-        return {PoseTask.GRASP: ScoredSamples(X_WGs, np.array([0.5, 0.5]))}
+        return {"grasp": ScoredPoses(X_WGs, np.array([0.5, 0.5]))}
 
 
 class HandThatHoldsAll:
@@ -126,18 +160,19 @@ class HandThatHoldsAll:
     def __init__(self) -> None:
         self.heights_m: list[float] = []
 
-    def hold_in_scene(self, X_WO: Array, X_WG: Array, opening_m: float) -> Hold:
+    def try_in_scene(self, X_WO: Array, X_WG: Array, opening_m: float) -> GraspOutcome:
         self.heights_m.append(X_WG[2, 3])
-        return Hold("", 0.0, 0.0)
+        return GraspOutcome("", 0.0, 0.0)
 
 
-def test_grasps_are_tried_where_the_hand_can_go() -> None:
-    shape, cloud = load_mug("train_003"), make_scenes().clouds[0].astype(float)
-    scene = MugScene(make_pose(p=(0.5, 0.0, 0.0)), cloud, cloud, 0, 2, 0.0)
-    hand = HandThatHoldsAll()
-    judge = GraspJudge(shape.body.mesh)
-    mug = SimpleNamespace(draw=lambda rng: scene, judge=judge, hand=hand)
-    drawn = judged_grasps.judge_scene(mug, DetectorOfTwo(), np.random.default_rng(0))  # type: ignore[arg-type]
+def test_grasps_are_tried_where_the_hand_can_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    cloud, hand = make_scenes().clouds[0].astype(float), HandThatHoldsAll()
+    scene = ObjectScene(make_pose(p=(0.5, 0.0, 0.0)), cloud, cloud, 0, 2, 0.0)
+    mug = standing(load_mug("train_003"))
+    monkeypatch.setitem(mug.__dict__, "hand", hand)
+    monkeypatch.setattr(mug, "draw", lambda rng: scene)
+    rng = np.random.default_rng(0)
+    drawn = judged_grasps.judge_scene(mug, DetectorOfTwo(), Workspace(), rng)
     assert drawn["held"].tolist() == [True, False]
     assert hand.heights_m == [0.3], "the hand cannot go below the table"
     assert drawn["clouds"].dtype == drawn["sampled"].dtype == np.float32
@@ -149,36 +184,40 @@ def judging(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> JudgeConfig:
     """Return a configuration whose scenes are posts, drawn by nothing."""
     posts = judged_posts()
     scene = {"clouds": posts.clouds[0], "sampled": posts.sampled[0], "held": posts.held[0]}
-    monkeypatch.setattr(judged_grasps, "judge_scene", lambda mug, detector, rng: scene)
-    monkeypatch.setattr(judged_grasps.EvalMug, "of_split", lambda name: None)
+    monkeypatch.setattr(judged_grasps, "judge_scene", lambda *_: scene)
+    monkeypatch.setattr(EvalMugs, "make", lambda *_: None)
     checkpoint = tmp_path / "split.safetensors"
-    info = CheckpointInfo(NETWORK, {}, 0, "post", "abc", steps=7, scenes=56)
-    save_checkpoint(checkpoint, new_network(), info)
+    save_new_network(checkpoint)
     (tmp_path / "judged").mkdir()
     return JudgeConfig(checkpoint=checkpoint, out=tmp_path / "judged", scenes_per_mug=3, workers=1)
 
 
 def test_judged_grasps_are_kept_by_mug(judging: JudgeConfig) -> None:
     names = ["train_000", "train_001"]
+    judged_grasps.judge(judging, [], Layout())
     for name in names:
-        judged_grasps.write_judged(judging, name)
+        judged_grasps.write_judged(judging, Layout(), name)
     read = JudgedGrasps.open(judging.out, names)
     assert read.clouds.shape == (6, 2000, 3)
     assert read.sampled.shape == (6, 8, 4, 4)
     assert read.held.tolist() == [judged_posts().held[0].tolist()] * 6
+    assert read.workspace == Workspace()
     assert (read.mug_index.tolist(), read.mugs) == ([0, 0, 0, 1, 1, 1], 2)
     with pytest.raises(JudgedGraspsError, match=r"1 of 3 shards are missing, .*train_007\.npz"):
         JudgedGrasps.open(judging.out, [*names, "train_007"])
 
 
 def test_judging_goes_on_only_where_it_was_the_same(judging: JudgeConfig) -> None:
-    judged_grasps.write_judged(judging, "train_000")
+    judged_grasps.write_judged(judging, Layout(), "train_000")
     shard = judging.out / "train_000.npz"
     before = shard.stat().st_mtime_ns
-    judged_grasps.judge(judging, ["train_000"])
+    judged_grasps.judge(judging, ["train_000"], Layout())
     assert shard.stat().st_mtime_ns == before, "what is there is not judged again"
-    with pytest.raises(JudgedGraspsError, match=r"asked for .*'samples': 4"):
-        judged_grasps.judge(replace(judging, samples=4), ["train_000"])
+    with pytest.raises(AnotherRunError, match=r"another run \(samples was 16, is 4\)"):
+        judged_grasps.judge(replace(judging, samples=4), ["train_000"], Layout())
+    elsewhere = Layout(workspace=Workspace(p_WCenter=(0.4, 0.0, 0.0)))
+    with pytest.raises(AnotherRunError, match=r"another run \(workspace was"):
+        judged_grasps.judge(judging, ["train_000"], elsewhere)
 
 
 def test_impossible_counts_are_an_error(judging: JudgeConfig) -> None:

@@ -7,13 +7,20 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from split_drake.data.mug_scenes import MugScene, MugScenes
+from split_drake.data.object_scenes import (
+    NO_FEATURE,
+    VISIBLE_POINTS,
+    ObjectScene,
+    ObjectScenes,
+    feature_visible,
+)
 from split_drake.data.placements import PlacementConfig, Placements
 from split_drake.data.randomization import DomainRandomization, depth_edges
 from split_drake.data.render import DepthRenderer, RayImage
 from split_drake.data.rests import Rests
 from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.mugs.split import load_mug
+from split_drake.objects.task_object import TaskObject
 from split_drake.poses import invert_pose, make_pose, rotation_error_rad, transform_points
 from split_drake.scene import Scene
 from split_drake.station.layout import CameraPlacement, Layout
@@ -44,14 +51,14 @@ def placements(mug: MugShape) -> Placements:
 
 
 def scenes(
-    mug: MugShape, randomization: DomainRandomization | None, count: int = 1, seed: int = 0
-) -> list[MugScene]:
+    subject: TaskObject, randomization: DomainRandomization | None, count: int = 1, seed: int = 0
+) -> list[ObjectScene]:
     rng = np.random.default_rng(seed)
-    drawn = MugScenes(mug, make_rests(mug), LAYOUT, randomization)
+    drawn = ObjectScenes(subject, make_rests(subject), LAYOUT, randomization)
     return [drawn.draw(rng) for _ in range(count)]
 
 
-def distances_to_mug_m(mug: MugShape, scene: MugScene) -> np.ndarray:
+def distances_to_mug_m(mug: MugShape, scene: ObjectScene) -> np.ndarray:
     """Return how far the sampled points lie from the nearest of many on the mug's surface."""
     p_OSurface, _ = trimesh.sample.sample_surface(mug.body.mesh, 100_000, seed=0)
     p_OSs = transform_points(invert_pose(scene.X_WO), scene.p_WSs)
@@ -166,8 +173,16 @@ def test_single_views_and_hidden_handles(mug: MugShape) -> None:
     shown = scenes(mug, alone, count=25)
     hidden = scenes(mug, replace(alone, hidden_share=1.0), count=25)
     assert {scene.views for scene in (*shown, *hidden)} == {1}
-    counts = [np.median([s.handle_points for s in drawn]) for drawn in (shown, hidden)]
+    counts = [np.median([s.feature_points for s in drawn]) for drawn in (shown, hidden)]
     assert counts[1] < counts[0] / 2.0
+
+
+def test_what_has_no_feature_is_varied_as_well_and_counts_as_visible(mug: MugShape) -> None:
+    hidden = replace(NOTHING_VARIES, single_view_share=1.0, hidden_share=1.0)
+    (scene,) = scenes(TaskObject(body=mug.body), hidden)
+    assert scene.feature_points == NO_FEATURE
+    points = [NO_FEATURE, 0, VISIBLE_POINTS - 1, VISIBLE_POINTS]
+    assert feature_visible(points).tolist() == [True, False, False, True]
 
 
 def slope(cosine: float, depth_m: np.ndarray) -> RayImage:

@@ -7,8 +7,6 @@ from scipy.ndimage import maximum_filter1d
 from split_drake.objects.ray_caster import RayCaster
 from split_drake.poses import Array, invert_pose, transform_points
 
-# The handle counts as visible from so many of a scene's 2000 points on.
-VISIBLE_HANDLE_POINTS = 30
 # Points this far outside the body lie on the handle.
 HANDLE_MARGIN_M = 0.002
 # The handle, towards +x of O, does not reach around the body further than this.

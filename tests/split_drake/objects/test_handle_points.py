@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from split_drake.data.handle_points import HANDLE_MARGIN_M, HandlePoints
+from split_drake.objects.handle_points import HANDLE_MARGIN_M, HandlePoints
 from split_drake.objects.mugs.parameters import outer_radius_m
 from split_drake.objects.mugs.split import load_mug, mug_parameters
 from split_drake.poses import make_pose, rotation_z, transform_points
