@@ -127,14 +127,14 @@ class PoseTask:
     Attributes:
         name: lower-case letters, digits and underscores; what it is known by everywhere.
         symmetry: which poses mean the same.
-        frame: what the pose's frame means, in words.
+        frame: what the pose's frame means, in words; tasks that differ in it alone are equal.
 
     Raises ValueError where the name has other characters.
     """
 
     name: str
     symmetry: Symmetry = field(default_factory=Symmetry)
-    frame: str = ""
+    frame: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):

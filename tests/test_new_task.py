@@ -175,7 +175,8 @@ class TrueRims:
         drawn = TESTED.make(0, seed=0).shape
         middle = np.append(scene.p_WSs[:, :2].mean(axis=0), 0.0)
         rim = make_pose(p=middle) @ drawn.poses_of(RIM)
-        return {"rim": PoseSet(RIM, rim, np.ones(1)), "grasp": PoseSet(GRASP, [], [])}
+        none = PoseSet(GRASP, np.empty((0, 4, 4)), np.empty(0))
+        return {"rim": PoseSet(RIM, rim, np.ones(1)), "grasp": none}
 
 
 def test_any_detector_is_evaluated_alike(tmp_path: Path) -> None:

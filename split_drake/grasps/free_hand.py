@@ -19,7 +19,7 @@ from split_drake.station.hand_rig import HandRig
 
 Fault = Literal["", "collides", "empty", "lost", "slipped"]
 
-# As the planner closes: see `planning/pick_place/segments.py`.
+# As the planner closes: see `planning/motion/segment_builder.py`.
 CLOSING_SPEED_M_S = 0.1
 SQUEEZE_M = -0.05
 SETTLE_S = 0.1

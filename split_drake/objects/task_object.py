@@ -56,7 +56,9 @@ class TaskObject:
         """Return X_OPs (K, 4, 4) of a task; raise UnknownTaskError where the object has none."""
         if task not in self.X_OPs:
             known = ", ".join(map(str, self.X_OPs)) or "no task"
-            raise UnknownTaskError(f"{self.name} has no poses of {task.name!r}; it has those of {known}")
+            raise UnknownTaskError(
+                f"{self.name} has no poses of {task.name!r}; it has those of {known}"
+            )
         return np.asarray(self.X_OPs[task], dtype=float)
 
     def true_poses(self, task: PoseTask, X_WO: Array) -> Array:

@@ -39,7 +39,8 @@ class Station:
     ports: `<camera>.depth_image`, `panda_state` (18,), `panda_torques` (9,), and with a detector
     `scene` and `pose_sets`.  The cameras cost nothing until they are read.
 
-    What a real robot would measure is read here; the objects' true poses are not: see `split_drake.truth`.
+    What a real robot would measure is read here; the objects' true poses are not: see
+    `split_drake.truth`.
 
     Attributes:
         config: as given.

@@ -81,14 +81,17 @@ def make_detector(weights: tuple[Path, ...], ranked: bool) -> SamplingDetector:
         weights: one checkpoint for all tasks, or one each for a task of its own.
         ranked: whether it has its evaluator.
 
-    Raises CheckpointError where a checkpoint cannot be used, ValueError where one of several knows
-    more than one task.
+    Raises CheckpointError where a checkpoint cannot be used, ValueError where there is none, or
+    several do not know one task each.
     """
+    if not weights:
+        raise ValueError("no checkpoints; expected at least one")
     each = [SplitDetector.from_checkpoint(path) for path in weights]
     tasks = tuple(task for detector in each for task in detector.tasks)
     detector: SamplingDetector = each[0]
     if len(each) > 1:
-        if len(tasks) != len(each):
-            raise ValueError(f"{len(each)} checkpoints know {len(tasks)} tasks; expected one each")
+        if not len(set(tasks)) == len(tasks) == len(each):
+            known = ", ".join(map(str, tasks))
+            raise ValueError(f"{len(each)} checkpoints know {known}; expected one task each")
         detector = ModelPerTask(dict(zip(tasks, each, strict=True)))
     return detector if ranked else ChanceRanking(detector, tasks)

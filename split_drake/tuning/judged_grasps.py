@@ -165,6 +165,14 @@ class JudgedGrasps:
                 shards.append({key: archive[key] for key in ("clouds", "sampled", "held")})
         arrays = {key: np.concatenate([shard[key] for shard in shards]) for key in shards[0]}
         index = np.repeat(np.arange(len(names)), [len(shard["held"]) for shard in shards])
-        fields = json.loads((folder / CONFIG).read_text())["workspace"]
-        workspace = Workspace.from_fields(fields)
+        workspace = Workspace.from_fields(_read_config(folder)["workspace"])
         return cls(**arrays, mug_index=index, mugs=len(names), workspace=workspace)
+
+
+def _read_config(folder: Path) -> dict[str, Any]:
+    """Return what the folder's grasps were judged with; JudgedGraspsError where it does not say."""
+    path = folder / CONFIG
+    config = json.loads(path.read_text()) if path.is_file() else {}
+    if "workspace" not in config:
+        raise JudgedGraspsError(f"{path} does not say which workspace the scenes are of")
+    return dict(config)
