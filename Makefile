@@ -39,7 +39,7 @@ test: setup
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/ruff format --quiet --check .
 	@$(BIN)/mypy --no-error-summary
-	@$(BIN)/pytest
+	@OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist loadfile
 
 mug_hang: setup
 	@echo "40 trials, about 2 minutes on two cores"

@@ -23,6 +23,7 @@ class Planner(Protocol):
         ...
 
 
+_ROOM = "planning.planners"
 _FACTORIES: dict[str, Callable[[], Planner]] = {}
 
 
@@ -30,6 +31,8 @@ def register_planner(name: str) -> Callable[[Callable[[], Planner]], Callable[[]
     """Return a decorator that registers a planner's factory (its class, say) under `name`."""
 
     def register(factory: Callable[[], Planner]) -> Callable[[], Planner]:
+        if not factory.__module__.startswith(f"{_ROOM}."):
+            _load_room()  # a name that is taken there is taken
         if name in _FACTORIES:
             raise ValueError(f"a planner named {name!r} is registered already")
         _FACTORIES[name] = factory
@@ -38,10 +41,15 @@ def register_planner(name: str) -> Callable[[Callable[[], Planner]], Callable[[]
     return register
 
 
+def _load_room() -> None:
+    """Import every file in `planning/planners`, each of which registers its planner."""
+    for module in iter_modules([str(Path(__file__).with_name("planners"))]):
+        import_module(f"{_ROOM}.{module.name}")
+
+
 def planner_names() -> tuple[str, ...]:
     """Return the names of all planners: those in `planning/planners`, and any registered beside."""
-    for module in iter_modules([str(Path(__file__).with_name("planners"))]):
-        import_module(f"planning.planners.{module.name}")
+    _load_room()
     return tuple(sorted(_FACTORIES))
 
 

@@ -101,7 +101,7 @@ def run(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         network=NETWORK,
         batch=BatchConfig(poses_of={}),
         optimizer=OPTIMIZER,
-        bfloat16=False,
+        precision="float32",
     )
     train(config, Console(quiet=True))
     return folder

@@ -20,10 +20,10 @@ def distinct_modes(X_WPs: Array, count: int, symmetry: Symmetry) -> list[int]:
     """Return indices of at most `count` poses (N, 4, 4), best first, no two of one mode."""
     chosen: list[int] = []
     for index, X in enumerate(X_WPs):
-        if not _same_mode(symmetry.nearest(X_WPs[chosen], X), X).any():
-            chosen.append(index)
         if len(chosen) == count:
             break
+        if not _same_mode(symmetry.nearest(X_WPs[chosen], X), X).any():
+            chosen.append(index)
     return chosen
 
 

@@ -16,6 +16,9 @@ from split_drake.station.station import Station
 from split_drake.truth.starts import NoStartError, draw_start
 from split_drake.truth.state import Truth
 
+# Counted among the redraws, though it is no start.
+_PASSED_OVER = "passed over"
+
 
 @dataclass(frozen=True)
 class Setup:
@@ -75,11 +78,12 @@ def set_up(spec: TrialSpec, rng: np.random.Generator) -> Setup:
         try:
             start = draw_start(station, truth, rng, reject)
         except NoStartError as error:
-            redraws.update((*error.redraws, f"passed over {name}"))
+            redraws.update((*error.redraws, f"{_PASSED_OVER} {name}"))
             continue
         redraws.update(start.redraws)
         return Setup(mug, station, truth, redraws, recorder)
-    raise NoStartError(f"all mugs of {spec.mugs.where}", list(redraws.elements()))
+    starts = [reason for reason in redraws.elements() if not reason.startswith(_PASSED_OVER)]
+    raise NoStartError(f"all mugs of {spec.mugs.where}", starts)
 
 
 @lru_cache(maxsize=1)

@@ -71,7 +71,9 @@ def _dh_transforms(a: float, alpha: float, d: float, theta: Array) -> Array:
 
 
 def closed_form_ik(X_WGs: ArrayLike, q7s: ArrayLike) -> tuple[Array, NDArray[np.intp]]:
-    """Return all solutions for every gripper pose and every angle of the last joint.
+    """Return the solutions for every gripper pose and every angle of the last joint.
+
+    Those of a nearly stretched arm, whose fourth joint is above -0.467 rad, are not among them.
 
     Args:
         X_WGs: (N, 4, 4) gripper poses.

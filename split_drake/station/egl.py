@@ -49,6 +49,8 @@ def _initializes(egl: ctypes.CDLL, device: int | None) -> bool:
 
 def _extension(egl: ctypes.CDLL, name: str, signature: tuple[Any, ...]) -> Any:
     """Return EGL's extension function `name`; `signature` is (result, *arguments)."""
+    if not hasattr(egl, "eglGetProcAddress"):
+        raise RenderingUnavailableError("the EGL library has no eglGetProcAddress")
     egl.eglGetProcAddress.restype = ctypes.c_void_p
     address = egl.eglGetProcAddress(name.encode())
     if not address:

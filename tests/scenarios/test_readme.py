@@ -24,7 +24,7 @@ from tests.helpers.planning import STANDING, mug_problem
 
 ROOT = Path(__file__).parents[2]
 READMES = ("README.md", "planning/README.md", "scenarios/README.md", "split_drake/README.md")
-COMMAND = re.compile(r"python -m ((?:scenarios|split_drake|models)[\w.]*)([^\n`|#]*)")
+COMMAND = re.compile(r"python -m ((?:scenarios|split_drake|models)(?:\.\w+)+)([^\n`|#]*)")
 
 
 def examples(name: str) -> list[str]:
@@ -77,7 +77,7 @@ def commands() -> Iterator[tuple[str, str]]:
     """Yield the commands of all READMEs and notes: a module, and what follows it."""
     for name in (*READMES, "BUILD-notes.md"):
         for module, rest in COMMAND.findall((ROOT / name).read_text().replace("\\\n", " ")):
-            yield module.rstrip("."), rest
+            yield module, rest
 
 
 @cache

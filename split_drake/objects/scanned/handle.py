@@ -50,7 +50,8 @@ class Silhouette:
         """Return how far x and z `p_O` (2,) lie from the opening's edge, 0 outside of it."""
         room = ndimage.distance_transform_edt(self.opening)
         x, z = np.round((p_O - self.p_OFirst) / CELL_M).astype(int)
-        return CELL_M * float(room[x, z])
+        inside = 0 <= x < room.shape[0] and 0 <= z < room.shape[1]
+        return CELL_M * float(room[x, z]) if inside else 0.0
 
 
 @dataclass(frozen=True)

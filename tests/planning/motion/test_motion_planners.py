@@ -1,5 +1,7 @@
 """Planners that differ in their motions alone: each solves easy problems; what GCS refuses."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -126,3 +128,19 @@ def test_a_regions_file_of_another_format_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "r.npz", A=np.zeros((1, 7)))
     with pytest.raises(ValueError, match="format None; expected 1"):
         load_regions(tmp_path / "r.npz")
+
+
+def test_a_name_is_taken_from_the_start() -> None:
+    program = (
+        "from planning.planner import register_planner, planner_names\n"
+        "try: register_planner('default')(type('Mine', (), {}))\n"
+        "except ValueError as error: print(error)\n"
+        "print(*planner_names())"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert run.stdout.splitlines() == [
+        "a planner named 'default' is registered already",
+        "default gcs rrt",
+    ]

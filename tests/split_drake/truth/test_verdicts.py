@@ -157,4 +157,4 @@ def test_only_the_truths_room_reads_the_simulators_truth() -> None:
         for path in (package / folder).rglob("*.py")
         if re.search(r"\bplant_context\b", path.read_text())
     }
-    assert readers == {"split_drake/truth", "split_drake/station"}
+    assert readers == {"split_drake/truth", "split_drake/station", "split_drake/station/hand"}

@@ -167,7 +167,9 @@ class HandThatHoldsAll:
 
 def test_grasps_are_tried_where_the_hand_can_go(monkeypatch: pytest.MonkeyPatch) -> None:
     cloud, hand = make_scenes().clouds[0].astype(float), HandThatHoldsAll()
-    scene = ObjectScene(make_pose(p=(0.5, 0.0, 0.0)), cloud, cloud, 0, 2, 0.0)
+    scene = ObjectScene(
+        make_pose(p=(0.5, 0.0, 0.0)), cloud, cloud, 0, 2, np.array([0.5, 0.0, 0.6]), 0.0
+    )
     mug = standing(load_mug("train_003"))
     monkeypatch.setitem(mug.__dict__, "hand", hand)
     monkeypatch.setattr(mug, "draw", lambda rng: scene)

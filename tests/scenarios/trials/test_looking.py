@@ -1,0 +1,140 @@
+"""Setting a trial up and looking at it: mugs passed over, generators, detectors, noise."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarios.mug_hang import MugHangOptions, specs_of
+from scenarios.trials import perception, setup
+from scenarios.trials.detectors import make_detector
+from scenarios.trials.perception import Perceiver
+from scenarios.trials.pose_noise import NoisyDetector, PoseNoise
+from scenarios.trials.setup import Setup, TrialGenerators, planner_named, set_up
+from scenarios.trials.spec import TrialSpec
+from split_drake.pose_set import PoseSet
+from split_drake.pose_task import GRASP, HANDLE, PoseTask
+from split_drake.poses import Array
+from split_drake.scene import Scene
+from split_drake.station.station import Station
+from split_drake.truth.oracle import OracleDetector
+from split_drake.truth.starts import NoStartError, Start
+from split_drake.truth.state import Truth
+
+SPEC = specs_of(
+    MugHangOptions(trials=1, seed=3, detector="oracle", record="none"), Path("nowhere"), ()
+)[0]
+
+
+def starting_with(accepted: str) -> Callable[..., Start]:
+    """Return a stand-in for `draw_start` that only one mug pleases, and that after one redraw."""
+
+    def draw(station: Station, truth: Truth, *_: object) -> Start:
+        (mug,) = station.objects
+        if mug.name != accepted:
+            raise NoStartError(mug.name, ["upside down", "still moving"])
+        return Start(truth.X_WO(), ("upside down",))
+
+    return draw
+
+
+@pytest.fixture(autouse=True)
+def _three_mugs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(TrialSpec, "mug_names", lambda spec: ("test_003", "test_004", "test_005"))
+
+
+def ready(monkeypatch: pytest.MonkeyPatch, accepted: str = "test_003") -> Setup:
+    monkeypatch.setattr(setup, "draw_start", starting_with(accepted))
+    return set_up(SPEC, np.random.default_rng(0))
+
+
+def test_mugs_that_will_not_lie_as_wanted_are_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = ready(monkeypatch, accepted="test_005")
+    assert found.mug.name == "test_005" and found.recorder is None
+    assert found.redraws == {
+        "upside down": 3,
+        "still moving": 2,
+        "passed over test_003": 1,
+        "passed over test_004": 1,
+    }
+
+
+def test_where_no_mug_will_the_error_counts_all_redraws(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(
+        NoStartError, match="starts of all mugs of test were all rejected"
+    ) as caught:
+        ready(monkeypatch, accepted="none")
+    assert caught.value.redraws.count("upside down") == 3
+
+
+def test_each_part_of_a_trial_has_its_own_generator() -> None:
+    def drawn(seed: int) -> list[float]:
+        rngs = TrialGenerators.of(seed)
+        return [rng.random() for rng in (rngs.start, rngs.noise, rngs.detector, rngs.planner)]
+
+    assert drawn(5) == drawn(5)
+    assert len({*drawn(5), *drawn(6)}) == 8
+    assert planner_named("rrt") is planner_named("rrt"), "it keeps its collision world"
+
+
+def test_the_oracle_is_noisy_where_asked_and_knows_no_wider_poses(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    found = ready(monkeypatch)
+    assert isinstance(make_detector(SPEC, found, wide=True), OracleDetector)
+    noise = PoseNoise(0.003, 0.0)
+    noisy = make_detector(replace(SPEC, pose_noise=noise), found)
+    assert isinstance(noisy, NoisyDetector) and noisy.noise == noise
+    from_files = replace(SPEC, mugs=replace(SPEC.mugs, where=str(tmp_path)), folder=tmp_path)
+    with pytest.raises(FileNotFoundError, match=r"grasps/test_003\.npz"):
+        make_detector(from_files, found)
+
+
+class Asked:
+    """A detector that finds nothing and notes what it is asked for, and in what scene."""
+
+    def __init__(self) -> None:
+        self.tasks: list[tuple[PoseTask | str, ...]] = []
+        self.p_WSs: list[Array] = []
+
+    def detect(
+        self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
+    ) -> dict[str, PoseSet]:
+        self.tasks.append(tuple(tasks))
+        self.p_WSs.append(scene.p_WSs)
+        return {str(task): PoseSet(GRASP, np.empty((0, 4, 4)), np.empty(0)) for task in tasks}
+
+
+def watching(found: Setup, usual: Asked, wide: Asked, monkeypatch: pytest.MonkeyPatch) -> Perceiver:
+    detectors = {False: usual, True: wide}
+    monkeypatch.setattr(perception, "make_detector", lambda *_, wide=False: detectors[wide])
+    return Perceiver(SPEC, found, TrialGenerators.of(0))
+
+
+def test_only_grasps_are_looked_for_more_widely_and_only_when_looking_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    usual, wide = Asked(), Asked()
+    eyes = watching(ready(monkeypatch), usual, wide, monkeypatch)
+    eyes.look([GRASP, HANDLE])
+    eyes.look([HANDLE], again=True)
+    assert wide.tasks == []
+    _, pose_sets = eyes.look([GRASP, HANDLE], again=True)
+    assert wide.tasks == [(GRASP,)] and set(pose_sets) == {"grasp", "handle"}
+    assert usual.tasks == [(GRASP, HANDLE), (HANDLE,), (GRASP, HANDLE)]
+    np.testing.assert_array_equal(usual.p_WSs[2], wide.p_WSs[0])
+
+
+def test_each_look_has_noise_of_its_own_on_the_sampled_points(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = ready(monkeypatch)
+    eyes = watching(found, Asked(), Asked(), monkeypatch)
+    clean = Scene.from_views(found.station.capture(), SPEC.station.layout.workspace)
+    one, other = (eyes.look([GRASP])[0] for _ in range(2))
+    for scene in (one, other):
+        np.testing.assert_array_equal(scene.p_WPs, clean.p_WPs)
+        assert (scene.p_WSs - clean.p_WSs).std() == pytest.approx(SPEC.noise_m, rel=0.1)
+    assert np.abs(one.p_WSs - other.p_WSs).std() > 0.5 * SPEC.noise_m
