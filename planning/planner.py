@@ -1,14 +1,13 @@
 """The planner protocol and the registry of planners: every file in `planning/planners` is one."""
 
 from collections.abc import Callable
-from importlib import import_module
-from pathlib import Path
-from pkgutil import iter_modules
+from types import ModuleType
 from typing import Protocol
 
 import numpy as np
 
 from planning.problem import Plan, PlanFailure, PlanningProblem
+from planning.room_files import file_of, modules_in
 
 
 class Planner(Protocol):
@@ -28,13 +27,19 @@ _FACTORIES: dict[str, Callable[[], Planner]] = {}
 
 
 def register_planner(name: str) -> Callable[[Callable[[], Planner]], Callable[[], Planner]]:
-    """Return a decorator that registers a planner's factory (its class, say) under `name`."""
+    """Return a decorator that registers a planner's factory (its class, say) under `name`.
+
+    The decorator raises ValueError where the name is taken.
+    """
 
     def register(factory: Callable[[], Planner]) -> Callable[[], Planner]:
         if not factory.__module__.startswith(f"{_ROOM}."):
-            _load_room()  # a name that is taken there is taken
+            list(modules_in(_ROOM))  # imported, for a name that is taken there is taken
         if name in _FACTORIES:
-            raise ValueError(f"a planner named {name!r} is registered already")
+            raise ValueError(
+                f"a planner named {name!r} is registered already, by "
+                f"{_FACTORIES[name].__module__}; {factory.__module__} needs another name"
+            )
         _FACTORIES[name] = factory
         return factory
 
@@ -42,9 +47,22 @@ def register_planner(name: str) -> Callable[[Callable[[], Planner]], Callable[[]
 
 
 def _load_room() -> None:
-    """Import every file in `planning/planners`, each of which registers its planner."""
-    for module in iter_modules([str(Path(__file__).with_name("planners"))]):
-        import_module(f"{_ROOM}.{module.name}")
+    """Import every file in `planning/planners`; raise ValueError where one registers no planner."""
+    for module in modules_in(_ROOM):
+        if not _registers(module):
+            raise ValueError(
+                f"{file_of(module)} registers no planner; expected @register_planner in every file "
+                f"of {_ROOM}"
+            )
+
+
+def _registers(module: ModuleType) -> bool:
+    """Return whether a planner's factory is defined in a module, or named there."""
+    named = vars(module).values()
+    return any(
+        factory.__module__ == module.__name__ or any(factory is value for value in named)
+        for factory in _FACTORIES.values()
+    )
 
 
 def planner_names() -> tuple[str, ...]:

@@ -1,17 +1,15 @@
 """Subgoals: what one pick is for, as values, and the registry that finds them by name.
 
-Every file in `planning/goals` that has a constant SUBGOAL is a subgoal.
+Every file in `planning/goals` has a constant SUBGOAL, which is one.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache
-from importlib import import_module
-from pathlib import Path
-from pkgutil import iter_modules
 
 from planning.geometry.perceived import PerceivedObject
+from planning.room_files import constants_in
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP, PoseTask
 from split_drake.poses import Array
@@ -91,7 +89,10 @@ class Subgoal:
         still_after_s: for how long after the release the arm may move; None for any time.
         seems_reached: whether the subgoal has been reached, as far as its task's poses show when
             the robot looks again; None where a look tells nothing, and an executed plan counts.
-        first: a subgoal to reach first where this one cannot be planned; None for none.
+        first: a subgoal to reach first where this one cannot be planned; None for none.  It may
+            name one to reach before it in turn, and so on.
+
+    Raises ValueError where the subgoals of that chain do not all have different names.
     """
 
     name: str
@@ -103,6 +104,13 @@ class Subgoal:
     seems_reached: Callable[[PoseSet], bool] | None = field(default=None, repr=False)
     first: "Subgoal | None" = None
 
+    def __post_init__(self) -> None:
+        names = [subgoal.name for subgoal in self.chain]
+        if len(set(names)) < len(names):
+            raise ValueError(
+                f"subgoals to reach first are {' -> '.join(names)}; expected each name once"
+            )
+
     def __str__(self) -> str:
         return self.name
 
@@ -112,10 +120,14 @@ class Subgoal:
         return (GRASP, self.task)
 
     @property
+    def chain(self) -> tuple["Subgoal", ...]:
+        """Itself, the subgoal to reach first where it cannot be planned, the one before that..."""
+        return (self,) if self.first is None else (self, *self.first.chain)
+
+    @property
     def perceived_tasks(self) -> tuple[PoseTask, ...]:
-        """Those, and what the subgoal before it needs."""
-        first = () if self.first is None else self.first.tasks
-        return tuple(dict.fromkeys((*self.tasks, *first)))
+        """Those, and what the subgoals before it need."""
+        return tuple(dict.fromkeys(task for subgoal in self.chain for task in subgoal.tasks))
 
 
 _REGISTERED: dict[str, Subgoal] = {}
@@ -131,13 +143,11 @@ def register_subgoal(subgoal: Subgoal) -> Subgoal:
 
 @cache
 def _in_room() -> dict[str, Subgoal]:
-    """Return {name: subgoal} of the files in `planning/goals`."""
-    found = {}
-    for module in iter_modules([str(Path(__file__).with_name("goals"))]):
-        subgoal = getattr(import_module(f"planning.goals.{module.name}"), "SUBGOAL", None)
-        if subgoal is not None:
-            found[subgoal.name] = subgoal
-    return found
+    """Return {name: subgoal} of the files in `planning/goals`.
+
+    Raises ValueError where a file has no SUBGOAL, or two have one of the same name.
+    """
+    return constants_in("planning.goals", "SUBGOAL", Subgoal, str)
 
 
 def subgoals() -> dict[str, Subgoal]:

@@ -21,7 +21,9 @@ from rich.console import Console
 
 from planning.planner import planner_names
 from planning.subgoal import find_subgoal
+from scenarios.trials.detectors import station_of
 from scenarios.trials.mug_check import check_mugs
+from scenarios.trials.mug_tasks import MugTaskName
 from scenarios.trials.pose_noise import PoseNoise
 from scenarios.trials.records import TrialRecord, success_rate, trial_run
 from scenarios.trials.report import print_report, run_title, write_report
@@ -30,7 +32,7 @@ from scenarios.trials.trial import crashed_trial, run_trial
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import RunFolder, as_json
-from split_drake.objects.mug_source import MugSource
+from split_drake.objects.scanned.mug_source import MugSource
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ class MugHangOptions:
     trials: int = 40
     seed: int = 0
     detector: Literal["split", "oracle"] = "split"
-    task: Literal["hang", "reorient"] = "hang"
+    task: MugTaskName = "hang"
     mugs: str = "test"
     planner: str = "default"
     checkpoint: Path | None = None
@@ -124,6 +126,7 @@ def run_config(options: MugHangOptions) -> dict[str, Any]:
 
 def specs_of(options: MugHangOptions, folder: Path, done: Collection[int]) -> list[TrialSpec]:
     """Return the trials of a run, without those whose indices are `done`."""
+    station = station_of(options.detector, options.checkpoint)
     return [
         TrialSpec(
             index=index,
@@ -136,6 +139,7 @@ def specs_of(options: MugHangOptions, folder: Path, done: Collection[int]) -> li
             noise_m=options.noise_m,
             record=options.record,
             folder=folder,
+            station=station,
             pose_noise=options.pose_noise,
             feedback=options.feedback,
             check_plans=options.check_plans,
@@ -183,7 +187,9 @@ def main(options: MugHangOptions) -> Path:
     specs = specs_of(options, folder, {record.index for record in run.records()})
     source = MugSource(options.mugs)
     if specs and source.folder is not None:
-        check_mugs(source, folder, options.detector == "oracle", options.workers, console)
+        check_mugs(
+            source, folder, options.detector == "oracle", specs[0].station, options.workers, console
+        )
     try:
         run_missing(run, specs, options.workers, console)
     finally:

@@ -27,6 +27,8 @@ from scenarios.study.trials import (
 )
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version
+from split_drake.station.config import StationConfig
+from split_drake.station.layout import Layout
 
 _FREE_KEYS = ("out", "trials", "factors", "workers")
 
@@ -78,7 +80,7 @@ def missing_trials(
 def main(options: StudyOptions) -> None:
     """Run what is missing of the study, and report."""
     console = Console()
-    run, cells = study_run(options.out), study_cells(options.factors)
+    run, cells = study_run(options.out), study_cells(StationConfig(Layout()), options.factors)
     run.claim({**asdict(options), **code_version()}, _FREE_KEYS)
     trials = missing_trials(options, cells, run.records())
     pool = WorkerPool(run_study_trial, options.workers, crashed_study_trial)

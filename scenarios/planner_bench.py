@@ -2,7 +2,8 @@
 
 Nothing is simulated.  Every plan is checked by `planning.checking.checked_planner`: that it does
 what its problem asks for, and touches nothing but what it declares.  One that is refused does not
-count as solved.  There is no limit of time; a planner keeps its own.
+count as solved.  There is no limit of time; a planner keeps its own.  Problems are refused up front
+where `planning/checking/goals` has no file that says where plans to their subgoal must end.
 
 The output folder holds config.json, results.jsonl (a line for each problem and planner as it
 arises) and summary.json.  The same --out goes on where an interrupted run stopped.  The report is
@@ -11,7 +12,7 @@ compared on the problems that all of them have been given.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
@@ -20,6 +21,7 @@ from typing import Any
 import tyro
 from rich.console import Console
 
+from planning.checking.goal_checks import require_checks_in_files
 from planning.planner import planner_names
 from planning.problem_files import SHIPPED_PROBLEMS, load_problems
 from scenarios.bench.records import (
@@ -86,33 +88,53 @@ def bench_config(options: BenchOptions) -> dict[str, Any]:
 
 
 def missing_tasks(
-    options: BenchOptions, names: Sequence[str], records: Sequence[BenchRecord]
+    options: BenchOptions, subgoals: Mapping[str, str], records: Sequence[BenchRecord]
 ) -> list[BenchTask]:
-    """Return a task for each of the file's named problems and planners that has not been run yet.
+    """Return a task for each of the file's problems and planners that has not been run yet.
 
     Planners take turns at going first.
+
+    Args:
+        options: of the bench.
+        subgoals: {problem: name of its subgoal}, in the file's order.
+        records: of what has been run.
     """
     done = {(record.problem, record.planner) for record in records}
     tasks = []
-    for number, name in enumerate(names):
+    for number, (name, subgoal) in enumerate(subgoals.items()):
         first = number % len(options.planner)
         for planner in (*options.planner[first:], *options.planner[:first]):
             if (name, planner) not in done:
-                tasks.append(BenchTask(options.problems, name, planner, (options.seed, number)))
+                seed = (options.seed, number)
+                tasks.append(BenchTask(options.problems, name, subgoal, planner, seed))
     return tasks
+
+
+def subgoals_of(options: BenchOptions) -> dict[str, str]:
+    """Return {problem: name of its subgoal} of the problems asked for, in the file's order.
+
+    Raises SystemExit where plans to one of them could not be checked.
+    """
+    problems = list(load_problems(options.problems).items())[: options.limit]
+    subgoals = {name: problem.subgoal.name for name, problem in problems}
+    try:
+        require_checks_in_files(subgoals.values())
+    except ValueError as error:
+        raise SystemExit(f"{options.problems} cannot be benched: {error}") from error
+    return subgoals
 
 
 def main(options: BenchOptions) -> Path:
     """Run what is missing of the bench, report, and return the folder."""
     console = Console()
     folder = options.out or Path("runs/planner_bench") / datetime.now().strftime("%Y%m%d-%H%M%S")
+    subgoals = subgoals_of(options)
     config, run = bench_config(options), bench_run(folder)
     run.claim(config, _FREE_KEYS)
-    names = list(load_problems(options.problems))[: options.limit]
-    tasks = missing_tasks(options, names, run.records())
+    tasks = missing_tasks(options, subgoals, run.records())
     pool = WorkerPool(run_task, options.workers, crashed_task)
     run.collect(pool.run(tasks), len(tasks), console)
-    asked = [r for r in run.records() if r.problem in names and r.planner in options.planner]
+    asked = [r for r in run.records() if r.problem in subgoals and r.planner in options.planner]
     write_bench_summary(folder / "summary.json", asked, options.planner, config)
     print_bench(console, asked, options.planner)
     console.print(f"results: {folder}")

@@ -28,6 +28,8 @@ from split_drake.poses import (
     rotation_z,
     transform_points,
 )
+from split_drake.station.config import StationConfig
+from split_drake.station.layout import Layout
 from split_drake.station.station import Station
 
 _AXIS_M = 0.05
@@ -93,7 +95,7 @@ def main(options: PictureOptions) -> None:
     # On its side, rim and handle in view.
     X_WO = make_pose(rotation_z(-0.5) @ rotation_x(-np.pi / 2.0), (0.5, 0.0, 0.0))
     X_WO[2, 3] = -transform_points(X_WO, mug.body.mesh.vertices)[:, 2].min()
-    station = Station(objects=[mug.body])
+    station = Station(StationConfig(Layout()), [mug.body])
     station.place_object(0, X_WO)
     center = transform_points(X_WO, mug.body.mesh.vertices).mean(axis=0)
     X_WC = look_at(center + np.array([0.33, 0.16, 0.22]), center)

@@ -22,11 +22,13 @@ from rich.progress import track
 from planning.problem import PlanningProblem
 from planning.problem_files import compact, save_problems
 from planning.subgoal import find_subgoal
+from scenarios.trials.detectors import station_of
+from scenarios.trials.mug_tasks import MUG_TASK_NAMES, MugTaskName
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.setup import TrialGenerators, set_up
 from scenarios.trials.spec import TrialSpec
 from split_drake.experiments.pool import WorkerPool
-from split_drake.objects.mug_source import MugSource
+from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.pose_task import GRASP
 from split_drake.scene import EmptySceneError
 from split_drake.truth.starts import NoStartError
@@ -53,7 +55,7 @@ class RecordOptions:
 
     count: int = 500
     seed: int = 0
-    tasks: tuple[Literal["hang", "reorient"], ...] = ("hang", "reorient")
+    tasks: tuple[MugTaskName, ...] = MUG_TASK_NAMES
     detectors: tuple[Literal["split", "oracle"], ...] = ("split", "oracle")
     mugs: Literal["test", "train"] = "test"
     noise_m: float = 0.005
@@ -113,6 +115,7 @@ def specs_of(options: RecordOptions) -> list[TrialSpec]:
                 noise_m=options.noise_m,
                 record="none",
                 folder=options.out.parent,
+                station=station_of(detector, options.checkpoint),
             )
         )
     return specs

@@ -130,15 +130,22 @@ def accepted_poses(
 
 
 def save_pose_sets(path: Path, pose_sets: PoseSets, p_WPs: Array) -> None:
-    """Write pose sets and the cloud `p_WPs` (N, 3) they were found in to an npz, atomically."""
+    """Write pose sets and the cloud `p_WPs` (N, 3) they were found in to an npz, atomically.
+
+    Each is written by its own task's name, whatever its key.  Raises ValueError where two are of
+    tasks of one name.
+    """
     tasks = [asdict(pose_set.task) for pose_set in pose_sets.values()]
+    names = [pose_set.task.name for pose_set in pose_sets.values()]
+    if len(set(names)) < len(names):
+        raise ValueError(f"pose sets are of the tasks {', '.join(names)}; expected one of each")
     arrays: dict[str, np.ndarray] = {
         "cloud": np.asarray(p_WPs, dtype=np.float32),
         "tasks": np.array(json.dumps(tasks)),
     }
-    for name, pose_set in pose_sets.items():
-        arrays[f"{name}/X_WPs"] = pose_set.X_WPs
-        arrays[f"{name}/scores"] = pose_set.scores
+    for pose_set in pose_sets.values():
+        arrays[f"{pose_set.task}/X_WPs"] = pose_set.X_WPs
+        arrays[f"{pose_set.task}/scores"] = pose_set.scores
     with replacing(path) as temporary:
         np.savez_compressed(temporary, allow_pickle=False, **arrays)
 
@@ -146,22 +153,23 @@ def save_pose_sets(path: Path, pose_sets: PoseSets, p_WPs: Array) -> None:
 def load_pose_sets(path: Path) -> tuple[dict[str, PoseSet], Array]:
     """Return ({task name: PoseSet}, cloud (N, 3)) as written by `save_pose_sets`.
 
-    Raises ValueError where the file is no pose-set archive.
+    Raises ValueError where the file is no pose-set archive, or lacks poses of a task that it lists.
     """
     with np.load(path, allow_pickle=False) as archive:
         arrays = {name: archive[name] for name in archive.files}
     if "cloud" not in arrays:
         raise ValueError(f"{path} holds {sorted(arrays)}; expected 'cloud' and '<task>/X_WPs'")
-    sets = {
-        task.name: PoseSet(task, arrays[f"{task}/X_WPs"], arrays[f"{task}/scores"])
-        for task in _tasks_in(arrays)
-        if f"{task}/X_WPs" in arrays
-    }
+    sets = {}
+    for task in _tasks_in(arrays):
+        names = f"{task}/X_WPs", f"{task}/scores"
+        if missing := [name for name in names if name not in arrays]:
+            raise ValueError(f"{path} lists the task {task}, but has no {' and no '.join(missing)}")
+        sets[task.name] = PoseSet(task, *(arrays[name] for name in names))
     return sets, arrays["cloud"].astype(float)
 
 
 def _tasks_in(arrays: Mapping[str, np.ndarray]) -> Sequence[PoseTask]:
-    """Return the tasks of an archive; those of mugs where it is too old to say."""
+    """Return the tasks of an archive; those of mugs that it has where it is too old to say."""
     if "tasks" not in arrays:
-        return MUG_TASKS
+        return [task for task in MUG_TASKS if f"{task}/X_WPs" in arrays]
     return [PoseTask.from_fields(fields) for fields in json.loads(str(arrays["tasks"]))]

@@ -181,8 +181,11 @@ def find_tasks(
         known: those there are.
         whose: they are, for the message.
 
-    Raises UnknownTaskError naming those known, where one is not among them.
+    Raises UnknownTaskError naming those known, where one is not among them, and TypeError where
+    `tasks` is a single name.
     """
+    if isinstance(tasks, str):
+        raise TypeError(f"tasks are {tasks!r}; expected a sequence, such as [{tasks!r}]")
     by_name = {task.name: task for task in known}
     found = []
     for task in tasks:

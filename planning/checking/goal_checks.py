@@ -1,67 +1,73 @@
 """Where the object of a subgoal must end: the judge's own tests, apart from what makes placements.
 
-A subgoal that is defined elsewhere registers its test by `register_goal_check`.
+Every file in `planning/checking/goals` has a constant GOAL_CHECK, the test of one subgoal.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
 
-import numpy as np
-
-from planning.collision.exemptions import MAX_LOWERING_M, MAX_TABLE_DEPTH_M
 from planning.problem import Plan, PlanningProblem
-from split_drake.poses import invert_pose, transform_points
-
-# Says where a plan brings the object that is not what the problem asks for; "" where it is.
-GoalCheck = Callable[[Plan, PlanningProblem], str]
-
-# Where the frame of a hung object may end, seen from K: across the peg, above and below it, short
-# of its tip, and how far turned.
-ACROSS_PEG_M, ABOVE_PEG_M, BELOW_PEG_M = 0.01, 0.01, MAX_LOWERING_M + 0.01
-SHORT_OF_TIP_M, ON_PEG_RAD = 0.01, np.radians(10.0)
-# How high the lowest seen point of an upright object may end, and how far its axis may tilt.
-LOWEST_M, ON_TABLE_RAD = (-MAX_TABLE_DEPTH_M - 0.004, 0.05), np.radians(5.0)
+from planning.room_files import constants_in
 
 
-def off_peg(plan: Plan, problem: PlanningProblem) -> str:
-    """Return where a handle ends that is not around the peg, or an empty string."""
-    layout = problem.layout
-    X_KH = invert_pose(layout.X_WK) @ plan.X_WGoal
-    x_m, y_m, z_m = (float(value) for value in X_KH[:3, 3])
-    angle_rad = float(np.arccos(min(1.0, abs(X_KH[1, 1]))))
-    root_m = -(layout.hook.post_distance_m - layout.hook.post_radius_m)
-    on_peg = root_m < y_m < layout.hook.tip_distance_m - SHORT_OF_TIP_M
-    around = abs(x_m) <= ACROSS_PEG_M and -BELOW_PEG_M <= z_m <= ABOVE_PEG_M
-    if on_peg and around and angle_rad <= ON_PEG_RAD:
-        return ""
-    p_KH = ", ".join(str(round(1e3 * value)) for value in (x_m, y_m, z_m))
-    return f"p_KH = ({p_KH}) mm, {np.degrees(angle_rad):.1f} deg off the peg's axis"
+@dataclass(frozen=True)
+class GoalCheck:
+    """The test of where plans to a subgoal bring an object.
+
+    Attributes:
+        subgoal: its name.
+        off_goal: where a plan brings the object that is not what the problem asks for; "" where it
+            is.
+    """
+
+    subgoal: str
+    off_goal: Callable[[Plan, PlanningProblem], str] = field(repr=False)
 
 
-def off_table(plan: Plan, problem: PlanningProblem) -> str:
-    """Return how an object ends that does not stand, or an empty string."""
-    tilt_rad = float(np.arccos(np.clip(plan.X_WGoal[2, 2], -1.0, 1.0)))
-    p_OPs = transform_points(invert_pose(plan.X_WObject), problem.p_WPs)
-    lowest_m = float(transform_points(plan.X_WGoal, p_OPs)[:, 2].min())
-    if tilt_rad <= ON_TABLE_RAD and LOWEST_M[0] <= lowest_m <= LOWEST_M[1]:
-        return ""
-    return f"{1e3 * lowest_m:.0f} mm above the table, tilted by {np.degrees(tilt_rad):.0f} deg"
+_REGISTERED: dict[str, GoalCheck] = {}
 
 
-_CHECKS: dict[str, GoalCheck] = {"hang": off_peg, "reorient": off_table}
+def register_goal_check(check: GoalCheck) -> None:
+    """Make a check known in this process; worker processes know those that are files.
+
+    Raises ValueError where the subgoal has one already.
+    """
+    if check.subgoal in {**checks_in_files(), **_REGISTERED}:
+        raise ValueError(f"there is a check of where plans to {check.subgoal} end already")
+    _REGISTERED[check.subgoal] = check
 
 
-def register_goal_check(subgoal: str, check: GoalCheck) -> None:
-    """Say where the objects of a subgoal must end; raise ValueError where that is said already."""
-    if subgoal in _CHECKS:
-        raise ValueError(f"there is a check of where plans to {subgoal} end already")
-    _CHECKS[subgoal] = check
+@cache
+def checks_in_files() -> dict[str, GoalCheck]:
+    """Return {subgoal: check} of the files in `planning/checking/goals`.
+
+    Raises ValueError where a file has no GOAL_CHECK, or two have one for the same subgoal.
+    """
+    return constants_in(
+        "planning.checking.goals", "GOAL_CHECK", GoalCheck, lambda check: check.subgoal
+    )
 
 
 def goal_check(subgoal: str) -> GoalCheck:
     """Return the check of a subgoal's ends, or raise ValueError naming those there are."""
-    if subgoal not in _CHECKS:
-        raise ValueError(
-            f"nothing says where plans to {subgoal} must end, only those to "
-            f"{', '.join(sorted(_CHECKS))}; register_goal_check says it"
-        )
-    return _CHECKS[subgoal]
+    known = {**checks_in_files(), **_REGISTERED}
+    if subgoal not in known:
+        raise ValueError(_unchecked(subgoal, known))
+    return known[subgoal]
+
+
+def _unchecked(subgoal: str, known: Mapping[str, GoalCheck]) -> str:
+    """Return the sentence that says that a subgoal is none of those with a check."""
+    return (
+        f"nothing says where plans to {subgoal} must end, only those to "
+        f"{', '.join(sorted(known))}; expected a file with a GOAL_CHECK of it in "
+        "planning/checking/goals"
+    )
+
+
+def require_checks_in_files(subgoals: Iterable[str]) -> None:
+    """Raise ValueError for the first subgoal whose check worker processes would not find."""
+    for subgoal in subgoals:
+        if subgoal not in checks_in_files():
+            raise ValueError(_unchecked(subgoal, checks_in_files()))

@@ -113,7 +113,7 @@ def _of_ends(plan: Plan, problem: PlanningProblem) -> Iterator[str]:
     poses = problem.pose_sets[problem.subgoal.task.name]
     if not _detected(plan.X_WObject, poses):
         yield f"places an X_WObject that no {poses.task} pose of the problem is like"
-    if off := goal_check(problem.subgoal.name)(plan, problem):
+    if off := goal_check(problem.subgoal.name).off_goal(plan, problem):
         yield f"brings the object to {off}"
 
 

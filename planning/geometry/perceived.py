@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from split_drake.pose_set import PoseSets
+from split_drake.pose_task import UPRIGHT
 from split_drake.poses import Array, invert_pose, transform_points
 
 # Voxel edges of the cloud that the arm keeps clear of, and of the one that fingers are fitted to.
@@ -46,6 +48,12 @@ class PerceivedObject:
             surface = np.concatenate([details, unseen[unseen[:, 2] > 0.0]])
         obstacles = voxel_centroids(surface, OBSTACLE_VOXEL_M)
         return cls(obstacles, details, surface, surface.mean(axis=0))
+
+
+def best_upright(pose_sets: PoseSets) -> Array | None:
+    """Return the best upright pose X_WU (4, 4), or None where none was detected or asked for."""
+    poses = pose_sets.get(UPRIGHT.name)
+    return poses.X_WPs[0] if poses is not None and len(poses) else None
 
 
 def voxel_centroids(points: Array, edge_m: float) -> Array:

@@ -18,8 +18,8 @@ class AttemptLimits:
     Attributes:
         picks: how often the object is taken in vain; at least 1.
         placements: ways of placing that are tried out of one hand; at least 1.
-        reorientations: how often the subgoal before the one that is asked for is reached (an
-            object stood upright before it is hung) before that is given up.
+        firsts: how often each subgoal before the one that is asked for is reached (an object stood
+            upright before it is hung) before that is given up; 0 for never.
         looks: perceptions in a row from which no plan came.
         ways_out: that are tried out of an object which the open hand is caught on.
         held_views: whether what was lifted is looked at, and placed as it lies in the hand.
@@ -29,7 +29,7 @@ class AttemptLimits:
 
     picks: int = 4
     placements: int = 3
-    reorientations: int = 1
+    firsts: int = 1
     looks: int = 2
     ways_out: int = 3
     held_views: bool = True
@@ -40,7 +40,7 @@ class AttemptLimits:
         return cls(picks=1, placements=1, looks=1, ways_out=0, held_views=False)
 
     def __post_init__(self) -> None:
-        leasts = {"picks": 1, "placements": 1, "reorientations": 0, "looks": 1, "ways_out": 0}
+        leasts = {"picks": 1, "placements": 1, "firsts": 0, "looks": 1, "ways_out": 0}
         for name, least in leasts.items():
             if getattr(self, name) < least:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least {least}")

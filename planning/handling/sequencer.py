@@ -1,6 +1,7 @@
-"""From a subgoal to its end: perceive, plan, execute; where it cannot be planned, another first."""
+"""From a subgoal to its end: perceive, plan, execute; where it cannot be planned, others first."""
 
 import time
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
@@ -8,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from planning.execution.executor import Executor
+from planning.geometry.perceived import best_upright
 from planning.handling.attempts import Attempt, AttemptLimits, Perception, SequenceResult
 from planning.handling.handler import Handler
 from planning.handling.timed_planning import TimedOutcome, plan_timed
@@ -15,7 +17,7 @@ from planning.planner import Planner
 from planning.problem import Plan, PlanFailure, PlanningProblem, Stage
 from planning.subgoal import Subgoal
 from split_drake.pose_set import PoseSets
-from split_drake.pose_task import UPRIGHT, PoseTask
+from split_drake.pose_task import PoseTask
 from split_drake.poses import Array, invert_pose
 from split_drake.scene import EmptySceneError, Scene
 from split_drake.station.layout import Layout
@@ -36,7 +38,7 @@ class Perceive(Protocol):
 
 
 class Sequencer:
-    """Reaches a subgoal by one plan or by several, another subgoal before it where it must.
+    """Reaches a subgoal by one plan or by several, other subgoals before it where it must.
 
     Args:
         planner: for every subgoal.
@@ -68,7 +70,7 @@ class Sequencer:
         return _Sequence(self, goal, rng).carry_out()
 
     def look(self, goal: Subgoal, again: bool = False) -> Perception:
-        """Perceive what the subgoal, and the one before it, need.
+        """Perceive what the subgoal, and those before it, need.
 
         `again`: whether what was perceived last led nowhere.
         """
@@ -115,7 +117,8 @@ class _Sequence:
         self._attempts: list[Attempt] = []
         self._failed: list[tuple[Array | None, Array]] = []
         self._perception_s, self._execution_s = 0.0, 0.0
-        self._picks, self._steps = 0, 0
+        self._picks = 0
+        self._firsts: Counter[str] = Counter()  # subgoals before the goal, by how often reached
 
     def carry_out(self) -> SequenceResult:
         looks = 0
@@ -151,20 +154,26 @@ class _Sequence:
         return perception
 
     def _reached(self, perception: Perception) -> bool:
-        """Return whether the last plan was executed, and its goal seems to be reached.
+        """Return whether the last plan executed was to the goal, and that seems to be reached.
 
         After the last pick that is granted, it is taken to be.
         """
-        executed = [each.execution for each in self._attempts if each.execution is not None]
         seems_reached = self._goal.seems_reached
-        if seems_reached is None or not executed or not executed[-1].completed:
+        if seems_reached is None or not self._goal_executed_last():
             return False
         reached = seems_reached(perception.pose_sets[self._goal.task.name])
         return reached or self._picks >= self._limits.picks
 
+    def _goal_executed_last(self) -> bool:
+        """Return whether the last execution was of a plan to the goal, and went to its end."""
+        for attempt in reversed(self._attempts):
+            if attempt.execution is not None:
+                return attempt.subgoal == self._goal and attempt.execution.completed
+        return False
+
     def _plan(self, perception: Perception) -> tuple[Plan, float] | PlanFailure:
         """Return a plan for the goal, or else for what comes before it, and the time it took."""
-        X_WGfailed = self._failed_grasps(_X_WU(perception))
+        X_WGfailed = self._failed_grasps(best_upright(perception.pose_sets))
         failures: dict[str, PlanFailure] = {}
         for subgoal in self._subgoals():
             found = self._sequencer.plan(subgoal, perception, X_WGfailed, self._rng)
@@ -188,9 +197,8 @@ class _Sequence:
 
     def _subgoals(self) -> tuple[Subgoal, ...]:
         """Return what may be planned for, in order of preference."""
-        if self._goal.first is not None and self._steps < self._limits.reorientations:
-            return (self._goal, self._goal.first)
-        return (self._goal,)
+        _, *before = self._goal.chain
+        return (self._goal, *(s for s in before if self._firsts[s.name] < self._limits.firsts))
 
     def _execute(
         self, perception: Perception, plan: Plan, planning_s: float
@@ -209,10 +217,10 @@ class _Sequence:
                 # Whether it is reached, the next look says; what follows is another try at it.
                 self._picks += 1
             else:
-                self._steps += 1
+                self._firsts[plan.subgoal.name] += 1
             return None
         self._picks += 1
-        self._failed.append((_X_WU(perception), plan.X_WGrasp))
+        self._failed.append((best_upright(perception.pose_sets), plan.X_WGrasp))
         if outcome.home and self._picks < self._limits.picks:
             return None
         return self._result(stage, reason)
@@ -221,9 +229,3 @@ class _Sequence:
         return SequenceResult(
             tuple(self._attempts), stage, reason, self._perception_s, self._execution_s
         )
-
-
-def _X_WU(perception: Perception) -> Array | None:
-    """Return the best upright pose (4, 4), which failed grasps move with; None if there is none."""
-    poses = perception.pose_sets.get(UPRIGHT.name)
-    return poses.X_WPs[0] if poses is not None and len(poses) else None

@@ -21,8 +21,8 @@ from split_drake.station.layout import same_fixtures
 
 # Paths are Bezier curves of this order in every region, with a continuous direction between them.
 ORDER = 3
-# The whole graph of 30 regions costs minutes a query; those of the shortest chain, and of the ones
-# that hold its ends as many as make this number, cost at most tenths of a second.
+# The whole graph, of the 40 regions that ship, costs minutes a query; those of the shortest chain,
+# and of the ones that hold its ends as many as make this number, cost at most tenths of a second.
 MAX_REGIONS = 6
 ROUNDED_PATHS = 3
 PATH_SAMPLES = 40

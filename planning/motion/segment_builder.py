@@ -24,11 +24,23 @@ def executed_s(segment: Segment) -> float:
 
 @dataclass(frozen=True)
 class SegmentBuilder:
-    """Times paths and makes segments of them."""
+    """Times paths and makes segments of them.
+
+    Attributes:
+        world: that the paths are timed in.
+    """
 
     world: CollisionWorld
 
     def empty(self, name: SegmentName, qs: Array, speed: Speed, situation: Situation) -> Segment:
+        """Return the segment in which the empty hand, open as in the situation, follows a path.
+
+        Args:
+            name: of the segment.
+            qs: (N, 7) the path, joint angles in rad.
+            speed: at most.
+            situation: the opening in m, what to keep clear of, and which contacts are allowed.
+        """
         trajectory = timed(self.world, qs, situation, speed)
         return Segment(
             name=name,
@@ -48,6 +60,16 @@ class SegmentBuilder:
         situation: Situation,
         feel: bool = False,
     ) -> Segment:
+        """Return the segment in which the hand carries an object along a path.
+
+        Args:
+            name: of the segment.
+            qs: (N, 7) the path, joint angles in rad.
+            speed: at most.
+            situation: the held width in m as its opening, what to keep clear of, and which contacts
+                are allowed.
+            feel: whether the arm stops where the object touches something.
+        """
         return Segment(
             name=name,
             trajectory=timed(self.world, qs, situation, speed),

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 class BestPairs:
     """Pairs (row, column) in descending order of the product of their scores.
 
-    A row found useless is dropped as a whole.  Ties go to the earlier row, then to the column of the
-    better score, then to the earlier one.
+    A row found useless is dropped as a whole.  Ties go to the earlier row, then to the column of
+    the better score, then to the earlier one.
     """
 
     def __init__(self, row_scores: ArrayLike, column_scores: ArrayLike) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from planning.collision.world import CollisionWorld, Situation, clear_of_palm
 from planning.geometry.modes import away_from, distinct_modes
-from planning.geometry.perceived import PerceivedObject
+from planning.geometry.perceived import PerceivedObject, best_upright
 from planning.geometry.waypoints import (
     LINE_STEP_M,
     backed_off,
@@ -27,7 +27,7 @@ from planning.pick_place.turned_grasps import turned_grasps
 from planning.problem import Plan, PlanFailure, PlanningProblem, Stage
 from planning.subgoal import Placement, PlacementQuery
 from split_drake.pose_set import PoseSet
-from split_drake.pose_task import GRASP, UPRIGHT, Symmetry
+from split_drake.pose_task import GRASP, Symmetry
 from split_drake.poses import Array
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.robot.panda import Q_HOME
@@ -64,7 +64,7 @@ class PickPlacePlanner:
         grasps = problem.pose_sets[GRASP.name]
         if not len(grasps):
             return PlanFailure(Stage.PERCEPTION, "no grasp was detected")
-        X_WU = _upright(problem)
+        X_WU = best_upright(problem.pose_sets)
         target = PerceivedObject.from_cloud(problem.p_WPs, X_WU)
         if problem.held_width_m is not None:
             off_palm = clear_of_palm(gripper_pose(problem.q_start), target.p_WObstacles)
@@ -98,11 +98,6 @@ class PickPlacePlanner:
         if self._world is None or not same_fixtures(layout, self._world.layout):
             self._world = CollisionWorld(layout)
         return self._world
-
-
-def _upright(problem: PlanningProblem) -> Array | None:
-    poses = problem.pose_sets.get(UPRIGHT.name)
-    return poses.X_WPs[0] if poses is not None and len(poses) else None
 
 
 class _Search:

@@ -42,6 +42,7 @@ class BenchRecord:
         planning_cpu_s: processor time of the planner, which other programs hardly change.
         measures: of the plan; None where the problem is not solved.
         search: the planner's own counts.
+        subgoal: of the problem, by name; empty in records that were written without it.
     """
 
     problem: str
@@ -52,6 +53,7 @@ class BenchRecord:
     planning_cpu_s: float | None
     measures: PlanMeasures | None = None
     search: Mapping[str, float] = field(default_factory=dict)
+    subgoal: str = ""
 
     @property
     def solved(self) -> bool:
@@ -75,12 +77,14 @@ class BenchTask:
     Attributes:
         file: of the problems.
         problem: name of the problem.
+        subgoal: of the problem, by name.
         planner: its name.
         seed: of every planner on the problem: that of the bench, and the problem's number.
     """
 
     file: Path
     problem: str
+    subgoal: str
     planner: str
     seed: tuple[int, int]
 
@@ -95,7 +99,8 @@ def run_task(task: BenchTask) -> BenchRecord:
 
 def crashed_task(task: BenchTask) -> BenchRecord:
     """Return the record of a task whose process died."""
-    return BenchRecord(task.problem, task.planner, ERROR, "the worker process died", None, None)
+    reason = "the worker process died"
+    return BenchRecord(task.problem, task.planner, ERROR, reason, None, None, subgoal=task.subgoal)
 
 
 def run_planner(
@@ -110,6 +115,7 @@ def run_planner(
     Where any of this raises, the record is an error with the traceback.
     """
     seconds: tuple[float | None, float | None] = (None, None)
+    record = partial(BenchRecord, problem_name, planner_name, subgoal=problem.subgoal.name)
     try:
         planner = make()
         started, started_cpu = time.perf_counter(), time.process_time()
@@ -120,8 +126,8 @@ def run_planner(
         verdict, reason, measures = _judged(outcome, problem)
         search = {name: float(value) for name, value in outcome.statistics.items()}
     except Exception:
-        return BenchRecord(problem_name, planner_name, ERROR, traceback.format_exc(), *seconds)
-    return BenchRecord(problem_name, planner_name, verdict, reason, *seconds, measures, search)
+        return record(ERROR, traceback.format_exc(), *seconds)
+    return record(verdict, reason, *seconds, measures, search)
 
 
 def _judged(

@@ -22,9 +22,10 @@ class PlannerSummary:
 
     Attributes:
         solved: problems with a plan that the independent checker accepts.
-        groups: {group: the same of its problems}, a group being those whose names differ only in
-            the number after the last hyphen.  Within a group no two problems share a scene, as
-            those of several groups may: the interval is a group's own, for the mugs in it.
+        groups: {group: the same of its problems}, a group being those of one subgoal whose names
+            differ only in the number after the last hyphen.  Within a group no two problems share
+            a scene, as those of several groups may: the interval is a group's own, for the mugs in
+            it.
         timed: problems whose planning time is known, solved or not: all but those that crashed.
         median_s, p95_s: wall time of planning over these; None where there are none.
         median_cpu_s: processor time.
@@ -73,9 +74,20 @@ def _solved(records: Sequence[BenchRecord]) -> Rate:
 def _by_group(records: Sequence[BenchRecord]) -> dict[str, Rate]:
     found: dict[str, list[BenchRecord]] = {}
     for record in records:
-        stem, _, number = record.problem.rpartition("-")
-        found.setdefault(stem if number.isdigit() else "unnumbered", []).append(record)
+        found.setdefault(_group(record), []).append(record)
     return {group: _solved(own) for group, own in found.items()}
+
+
+def _group(record: BenchRecord) -> str:
+    """Return the problem's subgoal and series: its name without the number.
+
+    The subgoal is that of the problem, whatever its name says; names that begin with it do not
+    have it twice.
+    """
+    stem, _, number = record.problem.rpartition("-")
+    series = stem if number.isdigit() else "unnumbered"
+    named = not record.subgoal or f"{series}-".startswith(f"{record.subgoal}-")
+    return series if named else f"{record.subgoal}-{series}"
 
 
 @dataclass(frozen=True)

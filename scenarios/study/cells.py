@@ -51,9 +51,8 @@ class Cell:
         return f"{self.kind}: {self.factor or 'default'} {self.value}".strip()
 
 
-def study_cells(factors: tuple[Factor, ...]) -> tuple[Cell, ...]:
-    """Return the default's cells and those in which one of `factors` differs."""
-    default = StationConfig()
+def study_cells(default: StationConfig, factors: tuple[Factor, ...]) -> tuple[Cell, ...]:
+    """Return the cells of a default station and those in which one of `factors` differs."""
     cells = [Cell("hold", None, "", default), *_hold_cells(default)]
     cells += [Cell("hang", None, "", default), *_hang_cells(default)]
     return tuple(cell for cell in cells if cell.factor is None or cell.factor in factors)
@@ -76,7 +75,7 @@ def _hang_cells(default: StationConfig) -> Iterator[Cell]:
     for mass_kg in MASSES_KG:
         yield Cell("hang", "mass", f"{mass_kg:g} kg", default, mass_kg)
     for radius_m in PEG_RADII_M:
-        layout = Layout(hook=HookShape(peg_radius_m=radius_m))
+        layout = replace(default.layout, hook=HookShape(peg_radius_m=radius_m))
         station = replace(default, layout=layout)
         yield Cell("hang", "peg radius", f"{1e3 * radius_m:g} mm", station)
     for tilt_deg in PEG_TILTS_DEG:

@@ -16,7 +16,7 @@ from scenarios.trials.trial import run_trial
 from split_drake.experiments.run import RunFolder
 from split_drake.grasps.free_hand import FreeHand
 from split_drake.grasps.store import load_checked_grasps
-from split_drake.objects.mug_source import MugSource
+from split_drake.objects.scanned.mug_source import MugSource
 
 MUGS = MugSource("test")
 # As in mug_hang.

@@ -11,8 +11,10 @@ from scenarios.trials.pose_noise import NoisyDetector
 from scenarios.trials.setup import Setup
 from scenarios.trials.spec import TrialSpec
 from split_drake.grasps.sampling import GraspLabels, sample_grasps
-from split_drake.objects.mug_source import MugSource
+from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.pose_set import PoseDetector
+from split_drake.station.config import StationConfig
+from split_drake.station.layout import Layout
 from split_drake.truth.oracle import OracleDetector
 
 if TYPE_CHECKING:  # PyTorch is imported by those who need it
@@ -31,6 +33,16 @@ def make_detector(spec: TrialSpec, setup: Setup, wide: bool = False) -> PoseDete
         setup.truth, setup.mug, _grasp_labels(spec.mugs, setup.mug.name, spec.folder)
     )
     return NoisyDetector(oracle, spec.pose_noise) if spec.pose_noise else oracle
+
+
+def station_of(detector: str, checkpoint: Path | None) -> StationConfig:
+    """Return a station whose workspace is the one that the detector was trained on."""
+    if detector != "split":
+        return StationConfig(Layout())
+    from split_drake.split.checkpoint import default_weights, load_checkpoint
+
+    _, info = load_checkpoint(checkpoint or default_weights())
+    return StationConfig(Layout(workspace=info.workspace))
 
 
 @lru_cache(maxsize=1)

@@ -11,7 +11,8 @@ from split_drake.experiments.pool import WorkerPool
 from split_drake.files import replacing
 from split_drake.grasps.sampling import SCANNED_WIDTH_M, GraspLabels, sample_grasps
 from split_drake.objects.mug_shape import InvalidMugError
-from split_drake.objects.mug_source import MugSource
+from split_drake.objects.scanned.mug_source import MugSource
+from split_drake.station.config import StationConfig
 from split_drake.station.station import Station
 
 
@@ -23,23 +24,30 @@ class MugCheck:
         source, name: of the mug.
         folder: of the run.
         with_grasps: whether true grasps are needed.
+        station: that the mug is to be simulated in.
     """
 
     source: MugSource
     name: str
     folder: Path
     with_grasps: bool
+    station: StationConfig
 
 
 def check_mugs(
-    source: MugSource, folder: Path, with_grasps: bool, workers: int, console: Console
+    source: MugSource,
+    folder: Path,
+    with_grasps: bool,
+    station: StationConfig,
+    workers: int,
+    console: Console,
 ) -> None:
     """Check that every mug of a folder can be simulated, and write its true grasps if needed.
 
     Raises InvalidMugError with one line for every mug that is refused.
     """
     names = source.names()
-    checks = [MugCheck(source, name, folder, with_grasps) for name in names]
+    checks = [MugCheck(source, name, folder, with_grasps, station) for name in names]
     pool = WorkerPool(check_mug, workers, crashed_check)
     with console.status(f"checking {len(names)} mugs of {source.where}"):
         faults = sorted(fault for fault in pool.run(checks) if fault)
@@ -51,7 +59,7 @@ def check_mug(check: MugCheck) -> str:
     """Return why a mug is refused, or an empty string."""
     try:
         mug = check.source.load(check.name)
-        Station(objects=[mug.body])  # Drake refuses bodies that cannot be
+        Station(check.station, [mug.body])  # Drake refuses bodies that cannot be
         path = grasps_path(check.folder, check.name)
         if check.with_grasps and not path.exists():
             rng = np.random.default_rng(0)

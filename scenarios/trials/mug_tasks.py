@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 from planning.goals.hang import SUBGOAL as HANG
 from planning.goals.upright import SUBGOAL as REORIENT
@@ -51,6 +52,13 @@ _TASKS = {
         MugTask(REORIENT, reject_for_reorient, _judge_standing),
     )
 }
+
+MUG_TASK_NAMES = tuple(_TASKS)
+# What commands take and list in their help; to mypy, which knows no tuple of names, any name.
+if TYPE_CHECKING:
+    MugTaskName = str
+else:
+    MugTaskName = Literal[MUG_TASK_NAMES]
 
 
 def mug_task(subgoal: Subgoal) -> MugTask:

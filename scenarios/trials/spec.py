@@ -6,7 +6,7 @@ from pathlib import Path
 from planning.subgoal import Subgoal
 from scenarios.trials.pose_noise import PoseNoise
 from split_drake.objects.mug_shape import MugShape
-from split_drake.objects.mug_source import MugSource
+from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.station.config import StationConfig
 
 
@@ -37,7 +37,7 @@ class TrialSpec:
     noise_m: float
     record: str
     folder: Path
-    station: StationConfig = field(default_factory=StationConfig)
+    station: StationConfig
     mass_kg: float | None = None
     pose_noise: PoseNoise = field(default_factory=PoseNoise)
     feedback: bool = True

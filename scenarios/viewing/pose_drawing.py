@@ -14,8 +14,8 @@ _HALF, _TIP, _ROOT = MAX_OPENING_M / 2.0, PAD_SIZE_M[1] / 2.0, -0.045
 
 # Segments (S, 2, 3) in the pose's frame, metres, of tasks with a sketch of their own.  Grasp: the
 # fingers, their base and the approach.
-_SKETCHES: dict[str, Array] = {
-    GRASP.name: np.array(
+_SKETCHES: dict[PoseTask, Array] = {
+    GRASP: np.array(
         [
             [[0, _HALF, _ROOT], [0, _HALF, _TIP]],
             [[0, -_HALF, _ROOT], [0, -_HALF, _TIP]],
@@ -24,7 +24,7 @@ _SKETCHES: dict[str, Array] = {
         ]
     ),
     # Handle: the way of the peg, away from the body, and towards the rim.
-    HANDLE.name: np.array(
+    HANDLE: np.array(
         [
             [[0, -0.03, 0], [0, 0.03, 0]],
             [[0, 0, 0], [0.02, 0, 0]],
@@ -32,7 +32,7 @@ _SKETCHES: dict[str, Array] = {
         ]
     ),
     # Upright: the axis from the base up, and the side of the handle.
-    UPRIGHT.name: np.array(
+    UPRIGHT: np.array(
         [
             [[0, 0, 0], [0, 0, 0.06]],
             [[0, 0, 0], [0.03, 0, 0]],
@@ -61,8 +61,8 @@ def sketch(task: PoseTask) -> Array:
     A task without a sketch of its own shows its symmetry: no turn as axes x, y and z of falling
     lengths, a half turn as its axis with a line across, any turn as its axis with a ring.
     """
-    if task.name in _SKETCHES:
-        return _SKETCHES[task.name]
+    if task in _SKETCHES:
+        return _SKETCHES[task]
     if task.symmetry.kind == "none":
         ends = _AXIS_M * np.diag([1.0, 0.5, 0.25])
         return np.stack([np.zeros((3, 3)), ends], axis=1)

@@ -1,20 +1,24 @@
-"""Labelled scenes on disk: one shard an object, and a manifest with their checksums.
+"""Labelled scenes on disk: shards, and a manifest with their checksums.
 
 A dataset is a folder with ``manifest.json``, which says what it was made from, its tasks and its
-workspace, and one ``<object>.npz`` each, holding S scenes and L labelled poses of every task:
+layout, and shards ``<name>.npz``, each holding S scenes of M subjects, and L labelled poses of
+every task on each subject.  A subject is one object, with a shard of its own; or all that lies in a
+scene of clutter, at X_WO = I, with a single scene of it:
 
 ==================  ===============  =======  =================================================
 array               shape            type     content
 ==================  ===============  =======  =================================================
 points              (S, 2000, 3)     uint16   sampled points without noise: cells of the
                                               workspace's cube divided 65536 times along each edge
-X_WOs               (S, 4, 4)        float32  pose of the object
+X_WOs               (S, 4, 4)        float32  pose of the subject
+subjects            (S,)             int32    which of the shard's subjects each scene shows
+p_WCs               (S, 3)           float32  where the (first) camera stands
 feature_points      (S,)             int32    how many of the points lie on the part that poses
                                               are told by, a mug's handle say; -1 without one
 views               (S,)             uint8    number of cameras
 redraws             ()               int32    scenes drawn again for want of true poses
-<task>/X_OPs        (L, 4, 4)        float32  poses in the object's frame
-<task>/weights      (L,)             float32  weight of a pose where it is true, 0 if nowhere
+<task>/X_OPs        (M, L, 4, 4)     float32  poses in the subject's frame
+<task>/weights      (M, L)           float32  weight of a pose where it is true, 0 if nowhere
 <task>/states       (S, L)           uint8    `PoseState` of each pose in each scene
 ==================  ===============  =======  =================================================
 
@@ -38,10 +42,12 @@ from split_drake.files import replacing
 from split_drake.pose_task import PoseTask
 from split_drake.poses import Array
 from split_drake.scene import Workspace
+from split_drake.station.layout import Layout
+from split_drake.station.layout_file import layout_from_fields
 
 FORMAT_VERSION = 3
 MANIFEST = "manifest.json"
-SCENE_ARRAYS = ("points", "X_WOs", "feature_points", "views", "redraws")
+SCENE_ARRAYS = ("points", "X_WOs", "subjects", "p_WCs", "feature_points", "views", "redraws")
 LABEL_ARRAYS = ("X_OPs", "weights", "states")
 CELLS = 65536
 
@@ -72,12 +78,12 @@ def decode_points(cells: NDArray[np.uint16], workspace: Workspace) -> NDArray[np
 
 @dataclass(frozen=True)
 class TaskLabels:
-    """The labelled poses of one task on M objects, in S scenes; L of each object at most.
+    """The labelled poses of one task on M subjects, in S scenes; L of each subject at most.
 
     Attributes:
-        X_OPs: (M, L, 4, 4) poses; objects with fewer are padded by the identity.
+        X_OPs: (M, L, 4, 4) poses; subjects with fewer are padded by the identity.
         weights: (M, L) weight in (0, 1] of poses that can be true, 0 for others.
-        states: (S, L) `PoseState` of each of its object's poses.
+        states: (S, L) `PoseState` of each of its subject's poses.
     """
 
     X_OPs: NDArray[np.float32]
@@ -87,46 +93,55 @@ class TaskLabels:
     @classmethod
     def of_shards(cls, shards: Sequence[Shard], task: PoseTask) -> Self:
         """Return the labels that some shards hold of a task."""
-        count = max(len(shard[f"{task}/X_OPs"]) for shard in shards)
-        return cls(
-            np.stack([_padded_poses(shard[f"{task}/X_OPs"], count) for shard in shards]),
-            np.stack([_padded(shard[f"{task}/weights"], count, 0) for shard in shards]),
-            np.concatenate([_padded(shard[f"{task}/states"], count, 1) for shard in shards]),
-        )
+        count = max(shard[f"{task}/X_OPs"].shape[1] for shard in shards)
+
+        def joined(array: str) -> np.ndarray:
+            return np.concatenate([_padded(shard[f"{task}/{array}"], count) for shard in shards])
+
+        X_OPs, weights, states = (joined(array) for array in LABEL_ARRAYS)
+        X_OPs[~X_OPs[..., 3, 3].astype(bool)] = np.eye(4)
+        return cls(X_OPs, weights, states)
 
 
 @dataclass(frozen=True)
 class SceneDataset:
-    """A dataset in memory: S scenes of M objects.
+    """A dataset in memory: S scenes of M subjects.
 
     Attributes:
         clouds: (S, 2000, 3) sampled points without noise, metres in W.
-        X_WOs: (S, 4, 4) pose of the object.
+        X_WOs: (S, 4, 4) pose of the subject.
+        p_WCs: (S, 3) where the (first) camera stands.
         feature_points: (S,) how many of the points lie on the object's feature.
         views: (S,) number of cameras.
-        object_index: (S,) which object each scene shows.
-        object_names: of the M objects.
+        object_index: (S,) which subject each scene shows.
+        shard_names: of the shards.
         tasks: whose poses are labelled.
         labels: {name of a task: its labels}.
-        workspace: that the scenes were cropped to.
+        layout: of the station that the scenes are of.
         config: that the scenes were generated with.
         dataset_hash: SHA-256 over the shards.
     """
 
     clouds: NDArray[np.float32]
     X_WOs: NDArray[np.float32]
+    p_WCs: NDArray[np.float32]
     feature_points: NDArray[np.int32]
     views: NDArray[np.uint8]
     object_index: NDArray[np.int_]
-    object_names: tuple[str, ...]
+    shard_names: tuple[str, ...]
     tasks: tuple[PoseTask, ...]
     labels: Mapping[str, TaskLabels]
-    workspace: Workspace
+    layout: Layout
     config: dict[str, Any]
     dataset_hash: str
 
     def __len__(self) -> int:
         return len(self.object_index)
+
+    @property
+    def workspace(self) -> Workspace:
+        """The cube that the scenes were cropped to."""
+        return self.layout.workspace
 
     @classmethod
     def open(cls, folder: Path, verify: bool = True) -> Self:
@@ -141,21 +156,22 @@ class SceneDataset:
         read = partial(_read_listed, folder, manifest["shards"], tasks, verify)
         with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as executor:
             shards = list(executor.map(read, names))
-        workspace = Workspace.from_fields(manifest["config"]["workspace"])
+        layout = layout_from_fields(manifest["config"]["layout"])
 
         def joined(key: str) -> np.ndarray:
             return np.concatenate([shard[key] for shard in shards])
 
         return cls(
-            clouds=_decode_all([shard.pop("points") for shard in shards], workspace),
+            clouds=_decode_all([shard.pop("points") for shard in shards], layout.workspace),
             X_WOs=joined("X_WOs"),
             feature_points=joined("feature_points"),
             views=joined("views"),
-            object_index=np.repeat(np.arange(len(names)), [len(s["X_WOs"]) for s in shards]),
-            object_names=names,
+            p_WCs=joined("p_WCs"),
+            object_index=_subjects(shards, tasks[0]),
+            shard_names=names,
             tasks=tasks,
             labels={task.name: TaskLabels.of_shards(shards, task) for task in tasks},
-            workspace=workspace,
+            layout=layout,
             config=manifest["config"],
             dataset_hash=manifest["sha256"],
         )
@@ -171,16 +187,20 @@ def _decode_all(cells: list[NDArray[np.uint16]], workspace: Workspace) -> NDArra
     return clouds
 
 
-def _padded(array: np.ndarray, count: int, axis: int) -> np.ndarray:
-    """Return the array with zeros (`PoseState.PADDING`) up to `count` along `axis`."""
+def _subjects(shards: Sequence[Shard], task: PoseTask) -> NDArray[np.int_]:
+    """Return (S,) which subject of all shards each scene shows."""
+    counts = [len(shard[f"{task}/X_OPs"]) for shard in shards]
+    firsts = np.cumsum([0, *counts[:-1]])
+    return np.concatenate(
+        [first + shard["subjects"] for first, shard in zip(firsts, shards, strict=True)]
+    ).astype(int)
+
+
+def _padded(array: np.ndarray, count: int) -> np.ndarray:
+    """Return the array with zeros (`PoseState.PADDING`) up to `count` along its second axis."""
     widths = [(0, 0)] * array.ndim
-    widths[axis] = (0, count - array.shape[axis])
+    widths[1] = (0, count - array.shape[1])
     return np.pad(array, widths)
-
-
-def _padded_poses(X: np.ndarray, count: int) -> np.ndarray:
-    """Return poses (N, 4, 4) with the identity up to `count` of them."""
-    return np.concatenate([X, np.tile(np.eye(4, dtype=X.dtype), (count - len(X), 1, 1))])
 
 
 def write_shard(path: Path, shard: Shard) -> None:

@@ -41,20 +41,21 @@ from split_drake.data.randomization import DomainRandomization
 from split_drake.data.rests import Rests, load_rests, rests_path
 from split_drake.data.scene_generator import SceneGenerator
 from split_drake.experiments.pool import InThisProcess, WorkerPool
-from split_drake.experiments.provenance import combined_sha256, file_sha256
+from split_drake.experiments.provenance import combined_sha256, file_sha256, qualified_name
 from split_drake.experiments.run import claim_folder
 from split_drake.files import write_json
 from split_drake.grasps.store import load_checked_grasps, store_path
-from split_drake.objects.mug_source import MugSource
 from split_drake.objects.mugs.split import Split, mugs_sha256
+from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.objects.task_object import ObjectSource, TaskObject
 from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
 from split_drake.station.layout import Layout
+from split_drake.station.layout_file import layout_to_fields
 
 # Raise it when code changes what scenes or labels come out of the same files and settings.
 LABEL_VERSION = 3
 
-MakeRests = Callable[[TaskObject], Rests]
+MakeRests = Callable[[TaskObject, Layout], Rests]
 MakeLabels = Callable[[TaskObject, PoseTask, np.random.Generator], PoseLabels]
 
 
@@ -75,13 +76,14 @@ class DatasetRecipe:
     Attributes:
         source: of the objects.
         tasks: whose poses are labelled.
-        layout: cameras and workspace.
-        make_rests: says how an object comes to rest on the table.
+        layout: of the station that the scenes are of.
+        make_rests: says how an object comes to rest on the table of a layout.
         make_labels: says which poses of a task are true on an object.
         randomization: what varies from scene to scene.
         scenes_per_object: how many scenes of each.
         seed: of all draws, together with the object's split and number.
-        made_from: hashes of the files that rests and labels come from, by what they are.
+        made_from: hashes of what rests and labels come from, by what it is.  Of the two functions
+            only the names are recorded: what else they depend on belongs here.
     """
 
     source: ObjectSource
@@ -102,8 +104,9 @@ class DatasetRecipe:
             "scenes_per_object": self.scenes_per_object,
             "seed": self.seed,
             "randomization": asdict(self.randomization),
-            "workspace": asdict(self.layout.workspace),
-            "cameras": [asdict(camera) for camera in self.layout.cameras],
+            "layout": layout_to_fields(self.layout),
+            "make_rests": qualified_name(self.make_rests),
+            "make_labels": qualified_name(self.make_labels),
             "made_from": dict(self.made_from),
             "label_version": LABEL_VERSION,
         }
@@ -149,7 +152,8 @@ class GenerateConfig:
         )
 
 
-def _mug_rests(split: Split, mug: TaskObject) -> Rests:
+def _mug_rests(split: Split, mug: TaskObject, _layout: Layout) -> Rests:
+    """Return the rests that ship, which know their table's top only."""
     return load_rests(split, mug.name)
 
 
@@ -173,11 +177,11 @@ def source_hashes(split: Split) -> dict[str, str]:
 def generate_shard(recipe: DatasetRecipe, out: Path, name: str) -> None:
     """Generate the scenes of the object `name` and write them."""
     subject, layout = recipe.source.load(name), recipe.layout
-    seeds = np.random.SeedSequence([recipe.seed, subject.number, subject.split == "test"])
+    seeds = np.random.SeedSequence([recipe.seed, *subject.seed])
     # Scenes have a stream of their own, so that other labels leave the poses as they are.
     for_labels, for_scenes = (np.random.default_rng(part) for part in seeds.spawn(2))
     labels = {task.name: recipe.make_labels(subject, task, for_labels) for task in recipe.tasks}
-    scenes = ObjectScenes(subject, recipe.make_rests(subject), layout, recipe.randomization)
+    scenes = ObjectScenes(subject, recipe.make_rests(subject, layout), layout, recipe.randomization)
     generator = SceneGenerator(scenes, labels, layout.workspace, for_scenes)
     write_shard(out / f"{name}.npz", generator.shard(recipe.scenes_per_object))
 

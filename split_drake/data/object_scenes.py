@@ -33,6 +33,7 @@ class ObjectScene:
         feature_points: how many of the sampled points lie on the part that poses are told by;
             `NO_FEATURE` where there is none.
         views: number of cameras.
+        p_WC: (3,) where the (first) camera stands.
         table_z_m: true height of the table in W.
     """
 
@@ -41,6 +42,7 @@ class ObjectScene:
     p_WSs: Array
     feature_points: int
     views: int
+    p_WC: Array
     table_z_m: float
 
 
@@ -89,7 +91,8 @@ class ObjectScenes:
         points = NO_FEATURE
         if self._feature is not None:
             points = self._feature.count(X_WO, scene.p_WSs)
-        return ObjectScene(X_WO, scene.p_WPs, scene.p_WSs, points, len(views), table_z_m)
+        p_WC = views[0].X_WC[:3, 3]
+        return ObjectScene(X_WO, scene.p_WPs, scene.p_WSs, points, len(views), p_WC, table_z_m)
 
     def _view(self, X_WO: Array, camera: CameraPlacement) -> DepthView:
         image = self._renderer.trace(X_WO, camera, 0.0, self._p_WFootprint)

@@ -1,4 +1,4 @@
-"""Where a mug lies: as a trial's start leaves it, or varied for training."""
+"""Where an object lies: as a trial's start leaves it, or varied for training."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class PlacementConfig:
             from the rests.
         tilt_rad: standard deviation of the tilt about x and about y of W.
         offset_m: how far the bounding box's centre lies from the workspace's, along x and y.
-        margin_m: room left between the mug and the workspace's faces.
+        margin_m: room left between the object and the workspace's faces.
     """
 
     upright_share: float = 0.15

@@ -18,19 +18,19 @@ class DomainRandomization:
     """What is drawn anew for each scene.  The points' noise is drawn in training, not here.
 
     Attributes:
-        placement: how the mug lies.
+        placement: how the object lies.
         camera_turn_rad, camera_shift_m: standard deviations, about and along each axis of C, of
             where a camera stands about its nominal pose.  The pose is known: it moves the view.
         calibration_turn_rad, calibration_shift_m: the same of the error of the pose that depth is
             turned into points with.  It bends the cloud, and sets two views apart.
-        table_height_m: standard deviation of the table's height, the mug on it, about the nominal
-            one that the workspace is cropped at.
+        table_height_m: standard deviation of the height of the table, objects on it, about the one
+            that the workspace is cropped at.
         grazing_rad: rays further than this from the normal of the surface they meet may miss it.
         grazing_loss: upper bound of the share of those that do; drawn uniformly for each view.
         edge_step_m: pixels whose depth differs by more than this from a neighbour's may be missing.
         edge_loss: upper bound of the share of those that are; drawn uniformly for each view.
         single_view_share: share of the scenes that one of the cameras sees alone.
-        hidden_share: share of those scenes with the handle out of sight as far as possible: of
+        hidden_share: share of those scenes with the feature out of sight as far as possible: of
             `hidden_draws` poses the one is taken that shows least of it.
         hidden_draws: see above.
 

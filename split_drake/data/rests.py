@@ -21,6 +21,7 @@ from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha2
 from split_drake.objects.rigid import RigidObject
 from split_drake.poses import Array
 from split_drake.station.config import StationConfig
+from split_drake.station.layout import Layout
 from split_drake.station.station import Station
 from split_drake.truth.rest import axis_tilt_rad, wait_for_rest
 from split_drake.truth.starts import SETTLE_TIMEOUT_S, UPSIDE_DOWN_RAD, drop_pose
@@ -125,16 +126,16 @@ class SettleConfig:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")
 
 
-def _settle_mug(count: int, name: str) -> tuple[str, Rests]:
+def _settle_mug(count: int, layout: Layout, name: str) -> tuple[str, Rests]:
     mug = load_mug(name)
-    rng = np.random.default_rng([mug.number, mug.split == "test"])
-    return name, settle(mug.body, count, rng, StationConfig())
+    rng = np.random.default_rng(mug.seed)
+    return name, settle(mug.body, count, rng, StationConfig(layout))
 
 
-def settle_split(config: SettleConfig) -> None:
-    """Write the rests of a split's mugs."""
+def settle_split(config: SettleConfig, layout: Layout) -> None:
+    """Write the rests of a split's mugs on the table of a layout."""
     names = mug_names(config.mugs)
-    pool = WorkerPool(partial(_settle_mug, config.count), config.workers)
+    pool = WorkerPool(partial(_settle_mug, config.count, layout), config.workers)
     found = dict(track(pool.run(names), "mugs", total=len(names)))
     rests = [found[name] for name in names]
     with replacing(rests_path(config.mugs)) as temporary:
@@ -151,4 +152,4 @@ def settle_split(config: SettleConfig) -> None:
 
 
 if __name__ == "__main__":
-    settle_split(tyro.cli(SettleConfig, description=__doc__))
+    settle_split(tyro.cli(SettleConfig, description=__doc__), Layout())

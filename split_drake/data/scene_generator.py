@@ -73,12 +73,14 @@ class SceneGenerator:
         shard: Shard = {
             "points": encode_points(p_WSs, self._workspace),
             "X_WOs": np.stack([scene.X_WO for scene in scenes]).astype(np.float32),
+            "subjects": np.zeros(len(scenes), np.int32),
+            "p_WCs": np.stack([scene.p_WC for scene in scenes]).astype(np.float32),
             "feature_points": np.array([scene.feature_points for scene in scenes], np.int32),
             "views": np.array([scene.views for scene in scenes], np.uint8),
             "redraws": np.array(self.redraws, np.int32),
         }
         for name, labels in self._labels.items():
-            shard[f"{name}/X_OPs"] = labels.X_OPs.astype(np.float32)
-            shard[f"{name}/weights"] = labels.weights.astype(np.float32)
+            shard[f"{name}/X_OPs"] = labels.X_OPs[None].astype(np.float32)
+            shard[f"{name}/weights"] = labels.weights[None].astype(np.float32)
             shard[f"{name}/states"] = np.stack([states[name] for _, states in drawn])
         return shard

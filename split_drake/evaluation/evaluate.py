@@ -18,8 +18,8 @@ from split_drake.evaluation.examiner import DetectorMaker
 from split_drake.evaluation.scenes import EvalMugs, EvalOptions
 from split_drake.evaluation.summary import calibration_table, metrics_table, subjects_table
 from split_drake.experiments.provenance import UNKNOWN_COMMIT, file_sha256
-from split_drake.objects.mug_source import MugSource
-from split_drake.pose_task import PoseTask
+from split_drake.objects.scanned.mug_source import MugSource
+from split_drake.pose_task import PoseTask, UnknownTaskError
 from split_drake.split.checkpoint import (
     CheckpointInfo,
     default_weights,
@@ -149,11 +149,14 @@ def main(config: EvaluateConfig) -> None:
         info.tasks,
         Layout(workspace=info.workspace),
     )
-    metrics = evaluate(evaluation, config.out, config.workers, console)
+    try:
+        metrics = evaluate(evaluation, config.out, config.workers, console)
+    except UnknownTaskError as error:
+        raise SystemExit(str(error)) from None
     names = [task.name for task in info.tasks]
     console.print(metrics_table(metrics, names), calibration_table(metrics, names))
     if config.source.split is None:
-        console.print(subjects_table(metrics, names))
+        console.print(subjects_table(metrics, info.tasks))
     console.print(f"median time of a detection on one thread: {metrics['median_detect_s']:.2f} s")
     if config.ship is not None:
         shown = {key: value for key, value in metrics.items() if key != "by_subject"}

@@ -15,6 +15,7 @@ import torch
 from rich.console import Console
 
 from split_drake.evaluation.examiner import DetectorMaker, Examiner
+from split_drake.evaluation.judges import require_true_poses
 from split_drake.evaluation.plots import plot_errors, plot_reliability
 from split_drake.evaluation.record import SceneRecord
 from split_drake.evaluation.scenes import EvalOptions, EvalSubjects
@@ -22,7 +23,7 @@ from split_drake.evaluation.summary import summarize
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.run import RunFolder, as_json
 from split_drake.files import write_json
-from split_drake.pose_task import GRASP, PoseTask
+from split_drake.pose_task import PoseTask
 
 SCENES = "scenes.jsonl"
 METRICS = "metrics.json"
@@ -72,6 +73,14 @@ class Evaluation:
             }
         )
 
+    def require_true_poses(self) -> None:
+        """Raise UnknownTaskError where the first object lacks poses that the tasks are judged by.
+
+        The first stands for all, since making them may take seconds each: objects of a family have
+        the same tasks.
+        """
+        require_true_poses(self.tasks, self.subjects.make(0, self.options.seed).shape)
+
     def examiner(self) -> Examiner:
         """Return what examines one scene after another."""
         return Examiner(self.make_detector(), self.tasks, self.subjects, self.options)
@@ -97,10 +106,13 @@ def evaluate(evaluation: Evaluation, out: Path, workers: int, console: Console) 
     asked for, or fewer.  The figures do not depend on the number of workers.
 
     Raises AnotherRunError where the folder holds the records of other scenes or of another
-    detector.
+    detector, and UnknownTaskError where the objects lack true poses of a task; a folder that was
+    new is then not made.
     """
     question = evaluation.question()
     run = evaluation_run(out)
+    if not run.log.exists():
+        evaluation.require_true_poses()
     run.claim(question)
     wanted = range(evaluation.scenes)
     there = {record.index for record in run.records()}
@@ -117,8 +129,8 @@ def _report(
 ) -> dict[str, Any]:
     """Write metrics and pictures, and return the metrics."""
     names = [task.name for task in tasks]
-    metrics = {**summarize(records, names), **question}
+    metrics = {**summarize(records, names), "question": question}
     write_json(out / METRICS, metrics)
     plot_reliability(metrics, names, out / "reliability.png")
-    plot_errors(records, [name for name in names if name != GRASP.name], out / "errors.png")
+    plot_errors(records, names, out / "errors.png")
     return metrics

@@ -5,9 +5,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from split_drake.evaluation.judges import record_task
 from split_drake.evaluation.record import SceneRecord
 from split_drake.evaluation.scenes import EvalOptions, EvalSubject, EvalSubjects
-from split_drake.evaluation.task_records import Question, Ranking, record_task
+from split_drake.evaluation.task_records import Question, Ranking
 from split_drake.pose_set import PoseDetector, SamplingDetector, ScoredPoses
 from split_drake.pose_task import PoseTask
 from split_drake.scene import Scene

@@ -1,7 +1,7 @@
 """Which detected poses are good, each compared with the truth of its scene.
 
-A handle or upright pose is good within 1 cm and 15 degrees of a true one, a grasp where it would
-hold the mug geometrically and the hand reaches it without hitting mug or table.
+A pose is good within 1 cm and 15 degrees of a true one.  A grasp is good where it would hold the
+object geometrically and the hand reaches it without hitting object or table.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from split_drake.grasps.judge import GraspJudge, feasible
-from split_drake.pose_task import Symmetry
+from split_drake.pose_task import GRASP, Symmetry
 from split_drake.poses import Array, invert_pose
 
 GOOD_POSITION_M = 0.01
@@ -21,8 +21,8 @@ GOOD_ROTATION_RAD = np.radians(15.0)
 NEAR_POSITION_M = 0.02
 NEAR_ROTATION_RAD = np.radians(20.0)
 
-# R Rot_z(pi) is the same grasp as R; its columns x and y change their signs.
-_TURNS = (np.ones(9), np.array([-1.0, -1.0, 1.0] * 3))
+# The signs of a flat R (9,), and those of the R of the same grasp after its half turn.
+_TURNS = (np.ones(9), np.tile(np.diag(GRASP.symmetry.X_half_turn)[:3], 3))
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,12 @@ class Judgement:
 
     Attributes:
         good: (N,) whether each is.
+        nearest: (N,) number of the nearest true pose, 0 to M - 1.
         position_m, rotation_rad: (N,) errors to the nearest true pose.
     """
 
     good: NDArray[np.bool_]
+    nearest: NDArray[np.int_]
     position_m: Array
     rotation_rad: Array
 
@@ -64,7 +66,8 @@ def judge_poses(X_WPs: Array, X_WTruths: Array, symmetry: Symmetry) -> Judgement
     good = (position < GOOD_POSITION_M) & (rotation < GOOD_ROTATION_RAD)
     nearest = np.argmin(position / GOOD_POSITION_M + rotation / GOOD_ROTATION_RAD, axis=1)
     rows = np.arange(len(X_WPs))
-    return Judgement(good.any(axis=1), position[rows, nearest], rotation[rows, nearest])
+    errors = position[rows, nearest], rotation[rows, nearest]
+    return Judgement(good.any(axis=1), nearest, *errors)
 
 
 def judge_grasps(X_WGs: Array, judge: GraspJudge, X_WO: Array) -> GraspJudgement:
@@ -102,7 +105,7 @@ def yaw_error_rad(R_WA: Array, R_WB: Array) -> Array:
 def covered(X_WTruths: Array, X_WGs: Array) -> NDArray[np.bool_]:
     """Return (M,): whether one of the grasps (N, 4, 4) lies near each true one (M, 4, 4).
 
-    Near means within 2 cm and 20 degrees, half a turn about z counted as nothing.
+    Near means within 2 cm and 20 degrees, a grasp's half turn counted as nothing.
     """
     if not len(X_WTruths) or not len(X_WGs):
         return np.zeros(len(X_WTruths), dtype=bool)

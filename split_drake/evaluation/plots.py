@@ -25,7 +25,7 @@ def plot_reliability(metrics: Mapping[str, Any], tasks: Sequence[str], path: Pat
     above.plot([0, 1], [0, 1], color="0.7", linewidth=1)
     for task in tasks:
         for name, style in (("calibration", "-"), ("calibration_in_physics", "--")):
-            calibration = metrics[task][name]
+            calibration = metrics["tasks"][task][name]
             if calibration is None:
                 continue
             bins = calibration["bins"]
@@ -35,7 +35,8 @@ def plot_reliability(metrics: Mapping[str, Any], tasks: Sequence[str], path: Pat
             below.plot(bins["scores"], bins["counts"], style, color=line.get_color())
     above.set(ylabel="share good", title="Reliability of the evaluator", ylim=(0, 1.02))
     below.set(xlabel="score", ylabel="samples", yscale="log", xlim=(0, 1))
-    above.legend()
+    if above.lines[1:]:
+        above.legend()
     figure.savefig(path, dpi=150)
 
 

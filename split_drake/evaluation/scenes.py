@@ -14,8 +14,8 @@ from split_drake.grasps.judge import GraspJudge, feasible
 from split_drake.grasps.store import CheckedGrasps, load_checked_grasps
 from split_drake.grasps.visibility import GraspVisibility
 from split_drake.objects.mug_shape import MugShape
-from split_drake.objects.mug_source import MugSource
 from split_drake.objects.peg_test import PegTest
+from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.objects.task_object import TaskObject
 from split_drake.poses import Array
 from split_drake.station.config import StationConfig
@@ -77,16 +77,18 @@ class EvalSubject:
     ) -> None:
         self.shape = shape
         self.true_grasps = true_grasps
+        self._layout = layout
         self._scenes = ObjectScenes(shape, rests, layout, randomization=None)
 
     @classmethod
     def settled(cls, shape: TaskObject, layout: Layout, rng: np.random.Generator) -> Self:
         """Return an object of which neither rests nor grasps are stored; dropping takes seconds."""
-        rests = settle(shape.body, RESTS, rng, StationConfig(layout=layout))
+        rests = settle(shape.body, RESTS, rng, StationConfig(layout))
         return cls(shape, rests, layout, true_grasps=None)
 
     @cached_property
     def judge(self) -> GraspJudge:
+        """What judges grasps X_OG of the object by its mesh."""
         return GraspJudge(self.shape.body.mesh)
 
     @cached_property
@@ -96,7 +98,8 @@ class EvalSubject:
 
     @cached_property
     def hand(self) -> FreeHand:
-        return FreeHand(self.shape.body)
+        """What tries grasps of the object in physics; made when first asked for."""
+        return FreeHand(self.shape.body, StationConfig(self._layout))
 
     def draw(self, rng: np.random.Generator) -> ObjectScene:
         """Return a scene, drawn as a scenario draws its starts and seen by its cameras."""

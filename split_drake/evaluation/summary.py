@@ -7,8 +7,10 @@ import numpy as np
 from rich.table import Column, Table
 
 from split_drake.evaluation.calibration import area_under_curve, reliability
+from split_drake.evaluation.judges import main_checks
 from split_drake.evaluation.record import SceneRecord, Scored, TaskRecord
 from split_drake.experiments.statistics import Rate
+from split_drake.pose_task import PoseTask
 
 Figures = dict[str, Any]
 
@@ -107,12 +109,16 @@ def _median(values: Sequence[float]) -> float | None:
 
 
 def summarize(records: Sequence[SceneRecord], tasks: Sequence[str]) -> Figures:
-    """Return the metrics of tasks, given by their names, over at least one scene."""
+    """Return the metrics of tasks, given by their names, over at least one scene.
+
+    What is of a task is under "tasks", or under "by_subject" and the object's name, so that a task
+    may have any name.
+    """
     by_subject: dict[str, list[SceneRecord]] = {}
     for record in records:
         by_subject.setdefault(record.subject, []).append(record)
     return {
-        **{task: summarize_task(records, task) for task in tasks},
+        "tasks": {task: summarize_task(records, task) for task in tasks},
         "scenes": {group: len(members) for group, members in groups(records).items()},
         "median_detect_s": float(np.median([record.detect_s for record in records])),
         "by_subject": {
@@ -149,7 +155,7 @@ def metrics_table(metrics: Mapping[str, Any], tasks: Sequence[str]) -> Table:
     table = Table(Column("", no_wrap=True), *(f"{scenes[group]} {group}" for group in scenes))
     for task in tasks:
         table.add_section()
-        for name, figures in metrics[task].items():
+        for name, figures in metrics["tasks"][task].items():
             if name.startswith("calibration"):
                 continue
             cells = (format_figure(figures[group]) for group in scenes)
@@ -162,7 +168,7 @@ def calibration_table(metrics: Mapping[str, Any], tasks: Sequence[str]) -> Table
     table = Table("evaluator", "samples", "AUC", "expected calibration error")
     for task in tasks:
         for name in ("calibration", "calibration_in_physics"):
-            figures = metrics[task][name]
+            figures = metrics["tasks"][task][name]
             if figures is not None:
                 label = f"{task}, in physics" if name.endswith("physics") else task
                 auc, error = format_figure(figures["auc"]), f"{figures['expected_error']:.3f}"
@@ -170,22 +176,11 @@ def calibration_table(metrics: Mapping[str, Any], tasks: Sequence[str]) -> Table
     return table
 
 
-# What is told of each object: a task, a check, and the scenes it is told of.
-SUBJECT_COLUMNS = (
-    ("handle", "top_good", "visible"),
-    ("handle", "peg_clear_axis", "visible"),
-    ("upright", "axis_good", "all"),
-    ("grasp", "top_good", "all"),
-)
-
-
-def subjects_table(metrics: Mapping[str, Any], tasks: Sequence[str]) -> Table:
-    """Return the main shares of each object: those that tasks have of their own, or `top_good`."""
-    columns = [column for column in SUBJECT_COLUMNS if column[0] in tasks]
-    own = {task for task, _, _ in SUBJECT_COLUMNS}
-    columns += [(task, "top_good", "all") for task in tasks if task not in own]
-    table = Table("object", *(f"{task} {name}, {group}" for task, name, group in columns))
+def subjects_table(metrics: Mapping[str, Any], tasks: Sequence[PoseTask]) -> Table:
+    """Return the main shares of each object; those that an object is not judged by are dashes."""
+    columns = main_checks(tasks)
+    table = Table("object", *(f"{task} {check}, {group}" for task, check, group in columns))
     for subject, figures in metrics["by_subject"].items():
-        cells = [figures[task][name][group] for task, name, group in columns]
-        table.add_row(subject, *map(format_figure, cells))
+        shares = (figures[task.name].get(check, {}).get(group) for task, check, group in columns)
+        table.add_row(subject, *map(format_figure, shares))
     return table

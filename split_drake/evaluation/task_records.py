@@ -1,10 +1,10 @@
 """How a task's samples in one scene are judged: the top-ranked, the accepted ones, and all.
 
-Every task is judged by how near its poses are to true ones, its symmetry taken into account.
-Grasps, handles and upright poses have more to pass: see `JUDGES`.
+Poses of any task are judged by how near they are to true ones, its symmetry taken into account.
+Some tasks have more to pass: `judges` says which.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import get_args
 
@@ -28,7 +28,7 @@ from split_drake.evaluation.record import Scored, TaskRecord
 from split_drake.evaluation.scenes import EvalSubject
 from split_drake.grasps.free_hand import Fault, FreeHand
 from split_drake.pose_set import ScoredPoses
-from split_drake.pose_task import GRASP, HANDLE, UPRIGHT, PoseTask
+from split_drake.pose_task import PoseTask
 from split_drake.poses import Array
 
 # So many accepted grasps a scene are wanted, and so many of them are tried in physics.
@@ -108,15 +108,14 @@ class Question:
         """(N, 4, 4): the samples."""
         return self.ranking.samples.X_WPs
 
+    @property
+    def X_WTruths(self) -> Array:
+        """(M, 4, 4): the true poses, one each of those that mean the same."""
+        return self.scene.X_WO @ self.subject.shape.poses_of(self.task)
+
     def judged(self) -> Judgement:
         """Return how the samples compare with the true poses."""
-        truths = self.scene.X_WO @ self.subject.shape.poses_of(self.task)
-        return judge_poses(self.X_WPs, truths, self.task.symmetry)
-
-
-def record_task(question: Question) -> TaskRecord:
-    """Judge a task's samples in one scene."""
-    return JUDGES.get(question.task, record_poses)(question)
+        return judge_poses(self.X_WPs, self.X_WTruths, self.task.symmetry)
 
 
 def record_poses(question: Question) -> TaskRecord:
@@ -139,8 +138,8 @@ def record_handles(question: Question) -> TaskRecord:
         return record_poses(question)
     judgement = question.judged()
     clear = peg.clear(X_WO, X_WHs)
-    X_WH = X_WO @ question.subject.shape.poses_of(HANDLE)[0]
-    axis = line_error_rad(X_WHs[:, :3, 1], X_WH[:3, 1])
+    X_WTrues = question.X_WTruths[judgement.nearest]
+    axis = line_error_rad(X_WHs[:, :3, 1], X_WTrues[:, :3, 1])
     return question.ranking.record(
         judgement.good,
         checks={"peg_clear": clear, "peg_clear_axis": clear & (axis < GOOD_ROTATION_RAD)},
@@ -151,10 +150,10 @@ def record_handles(question: Question) -> TaskRecord:
 def record_uprights(question: Question) -> TaskRecord:
     """Judge upright poses of an object, its axis apart from the yaw about it."""
     X_WUs = question.X_WPs
-    X_WU = question.scene.X_WO @ question.subject.shape.poses_of(UPRIGHT)[0]
     judgement = question.judged()
-    axis = direction_error_rad(X_WUs[:, :3, 2], X_WU[:3, 2])
-    yaw = yaw_error_rad(X_WUs[:, :3, :3], X_WU[:3, :3])
+    X_WTrues = question.X_WTruths[judgement.nearest]
+    axis = direction_error_rad(X_WUs[:, :3, 2], X_WTrues[:, :3, 2])
+    yaw = yaw_error_rad(X_WUs[:, :3, :3], X_WTrues[:, :3, :3])
     stands = (axis < GOOD_ROTATION_RAD) & (judgement.position_m < GOOD_POSITION_M)
     return question.ranking.record(
         judgement.good,
@@ -230,11 +229,3 @@ def _with_physics(
         tallies={**record.tallies, "tried_holds": tally(holds), **by_fault},
         tried=Scored.of(ranking.samples.scores[tried], holds),
     )
-
-
-# Tasks that are judged by more than how near their poses are to true ones.
-JUDGES: Mapping[PoseTask, Callable[[Question], TaskRecord]] = {
-    GRASP: record_grasps,
-    HANDLE: record_handles,
-    UPRIGHT: record_uprights,
-}

@@ -41,7 +41,7 @@ class WorkerPool(Generic[Item, Result]):
         on_crash: what stands for the result of an item whose process died.  Without it `run` raises
             WorkerDiedError once all other results are there.
         start_worker: called in each process before its first item; pickled, so that it may be a
-            partial of a module's function.
+            partial of a module's function.  What it raises, `run` raises.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class WorkerPool(Generic[Item, Result]):
         try:
             while waiting or running:
                 while waiting and len(running) < workers:
-                    running[executor.submit(self._function, waiting[-1])] = waiting[-1]
+                    running[executor.submit(_work, self._function, waiting[-1])] = waiting[-1]
                     waiting.pop()
                 done, _ = wait(running, return_when=FIRST_COMPLETED)
                 for future in done:
@@ -99,8 +99,23 @@ class WorkerPool(Generic[Item, Result]):
         return []
 
 
+# In a worker: what `start_worker` raised there, until its first item reports it.
+_start_error: Exception | None = None
+
+
+def _work(function: Callable[[Item], Result], item: Item) -> Result:
+    """Apply a function to an item, unless this worker could not start."""
+    if _start_error is not None:
+        raise _start_error
+    return function(item)
+
+
 def _begin_work(start_worker: Callable[[], None] | None) -> None:
-    """End this worker once its parent has died, killed perhaps, rather than work for nobody."""
+    """Start this worker, and end it once its parent has died, rather than work for nobody.
+
+    An exception in here would break the pool, as a crash does: it is kept for the first item.
+    """
+    global _start_error
     parent = multiprocessing.parent_process()
     assert parent is not None  # this is called in workers
 
@@ -110,4 +125,7 @@ def _begin_work(start_worker: Callable[[], None] | None) -> None:
 
     threading.Thread(target=watch, daemon=True).start()
     if start_worker is not None:
-        start_worker()
+        try:
+            start_worker()
+        except Exception as error:
+            _start_error = error

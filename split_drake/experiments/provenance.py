@@ -5,6 +5,8 @@ import json
 import platform
 import resource
 import subprocess
+from collections.abc import Callable
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -72,3 +74,14 @@ def combined_sha256(shard_hashes: dict[str, str]) -> str:
     """Return the hash of a dataset, given that of each shard."""
     text = json.dumps(shard_hashes, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def qualified_name(function: Callable[..., object]) -> str:
+    """Return where a function is defined, and its name there; of a partial, those of its function.
+
+    Objects that are called are named by their class.
+    """
+    while isinstance(function, partial):
+        function = function.func
+    named = function if hasattr(function, "__qualname__") else type(function)
+    return f"{named.__module__}.{named.__qualname__}"

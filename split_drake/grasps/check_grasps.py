@@ -23,6 +23,8 @@ from split_drake.grasps.store import CheckedGrasps, read_store, store_path, writ
 from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
 from split_drake.objects.rigid import RigidObject
 from split_drake.poses import Array
+from split_drake.station.config import StationConfig
+from split_drake.station.layout import Layout
 
 # The first candidates are spread over all good ones, which takes many from where a hand just fits;
 # the others over those that a small error does not spoil.
@@ -75,10 +77,12 @@ def candidates(body: RigidObject, rng: np.random.Generator) -> tuple[Array, Arra
     return X_OGs[chosen], openings[chosen], qualities[chosen]
 
 
-def check(body: RigidObject, rng: np.random.Generator, known: int, count: int) -> CheckedGrasps:
-    """Try the object's candidates from number `known` to `count`."""
+def check(
+    body: RigidObject, rng: np.random.Generator, known: int, count: int, station: StationConfig
+) -> CheckedGrasps:
+    """Try the object's candidates from number `known` to `count`, in the contact of a station."""
     X_OGs, openings, qualities = (array[known:count] for array in candidates(body, rng))
-    hand = FreeHand(body)
+    hand = FreeHand(body, station)
     holds = [hand.try_grasp(X_OG, opening) for X_OG, opening in zip(X_OGs, openings, strict=True)]
     return CheckedGrasps(
         X_OGs=X_OGs,
@@ -103,23 +107,23 @@ def _part_path(config: CheckConfig, name: str) -> Path:
     return config.out / f"{name}.npz"
 
 
-def check_mug(config: CheckConfig, name: str) -> str:
+def check_mug(config: CheckConfig, station: StationConfig, name: str) -> str:
     """Try what is missing of one mug, write its outcomes atomically, and return its name."""
     path, sha256, mug = _part_path(config, name), mugs_sha256(config.mugs), load_mug(name)
     before = read_store(path, sha256)[name] if path.exists() else None
     known = 0 if before is None else len(before)
-    rng = np.random.default_rng([mug.number, mug.split == "test"])
-    tried = check(mug.body, rng, known, config.per_mug)
+    rng = np.random.default_rng(mug.seed)
+    tried = check(mug.body, rng, known, config.per_mug, station)
     grasps = tried if before is None else _join(before, tried)
     write_store(path, {name: grasps}, sha256)
     return name
 
 
-def check_split(config: CheckConfig) -> None:
+def check_split(config: CheckConfig, station: StationConfig) -> None:
     """Try what is missing of all mugs, then write the split's store."""
     config.out.mkdir(parents=True, exist_ok=True)
     names, sha256 = mug_names(config.mugs), mugs_sha256(config.mugs)
-    pool = WorkerPool(partial(check_mug, config), config.workers)
+    pool = WorkerPool(partial(check_mug, config, station), config.workers)
     for _ in track(pool.run(names), "mugs", total=len(names)):
         pass
     grasps = {name: read_store(_part_path(config, name), sha256)[name] for name in names}
@@ -130,4 +134,4 @@ def check_split(config: CheckConfig) -> None:
 
 
 if __name__ == "__main__":
-    check_split(tyro.cli(CheckConfig, description=__doc__))
+    check_split(tyro.cli(CheckConfig, description=__doc__), StationConfig(Layout()))

@@ -92,7 +92,7 @@ def _failed(fault: Fault) -> GraspOutcome:
 class FreeHand:
     """Tries grasps of one object."""
 
-    def __init__(self, body: RigidObject, config: StationConfig | None = None) -> None:
+    def __init__(self, body: RigidObject, config: StationConfig) -> None:
         self._rig = HandRig(body, config)
         self._mass_kg = body.mass_kg
 

@@ -47,7 +47,7 @@ class GraspCheck:
     Attributes:
         qualities: (N,) in [0, 1], see `GraspJudge.qualities`.
         openings_m: (N,) that the hand comes in with.
-        collides: (N,) whether the opened hand hits the mug, at the grasp or on its way there.
+        collides: (N,) whether the opened hand hits the object, at the grasp or on its way there.
     """
 
     qualities: Array

@@ -1,11 +1,25 @@
 """Rigid objects that are put on the table: mesh, mass and collision geometry."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, Self
 
+import numpy as np
 import trimesh
 
 from split_drake.poses import Array
+
+Kind = Literal["box", "cylinder", "capsule", "sphere", "convex"]
+
+_SIZE_MEANS: dict[str, str] = {
+    "box": "edges along x, y and z",
+    "cylinder": "radius and length",
+    "capsule": "radius and length",
+    "sphere": "a radius",
+    "convex": "nothing",
+}
+_SIZE_COUNTS = {"box": 3, "cylinder": 2, "capsule": 2, "sphere": 1, "convex": 0}
+# Vertices within this of a plane span no volume.
+_FLAT_M = 1e-6
 
 
 @dataclass(frozen=True)
@@ -15,13 +29,45 @@ class Primitive:
     Attributes:
         kind: the shape.
         size: box: edges along x, y, z; cylinder and capsule: (radius, length along z), a capsule's
-            length without its caps; sphere: (radius,).  Metres.
-        X_OP: (4, 4) pose of its centre.
+            length without its caps; sphere: (radius,); convex: empty.  Metres.
+        X_OP: (4, 4) pose of its centre; of the frame of its vertices where it is convex.
+        p_PVs: convex: (N, 3) points whose convex hull it is, metres; else (0, 3).
+
+    Raises ValueError where the kind is unknown, or the numbers do not describe one of its kind.
     """
 
-    kind: Literal["box", "cylinder", "capsule", "sphere"]
+    kind: Kind
     size: tuple[float, ...]
     X_OP: Array
+    p_PVs: Array = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def __post_init__(self) -> None:
+        if self.kind not in _SIZE_COUNTS:
+            raise ValueError(f"kind is {self.kind!r}; expected one of {tuple(_SIZE_COUNTS)}")
+        if len(self.size) != _SIZE_COUNTS[self.kind]:
+            raise ValueError(
+                f"size of a {self.kind} is {self.size}; expected {_SIZE_MEANS[self.kind]}"
+            )
+        if not all(np.isfinite(value) and value > 0.0 for value in self.size):
+            raise ValueError(f"size of a {self.kind} is {self.size}; expected positive numbers")
+        if np.shape(self.X_OP) != (4, 4) or not np.isfinite(self.X_OP).all():
+            raise ValueError(f"X_OP of a {self.kind} is no pose; expected (4, 4) finite numbers")
+        self._check_vertices()
+
+    def _check_vertices(self) -> None:
+        shape = np.shape(self.p_PVs)
+        if self.kind != "convex":
+            if shape != (0, 3):
+                raise ValueError(f"p_PVs of a {self.kind} has shape {shape}; expected (0, 3)")
+            return
+        if len(shape) != 2 or shape[1] != 3 or shape[0] < 4:
+            raise ValueError(f"p_PVs has shape {shape}; expected (N, 3) of at least 4 vertices")
+        if not np.isfinite(self.p_PVs).all():
+            raise ValueError("p_PVs holds NaN or infinite values; expected finite points")
+        offsets = self.p_PVs - np.mean(self.p_PVs, axis=0)
+        thickness_m = np.linalg.svd(offsets, compute_uv=False)[-1] / np.sqrt(len(offsets))
+        if thickness_m < _FLAT_M:
+            raise ValueError("p_PVs lie in one plane; expected vertices that span a volume")
 
 
 @dataclass(frozen=True)

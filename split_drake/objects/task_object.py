@@ -1,5 +1,6 @@
 """Objects that tasks ask about: a rigid body, and where its poses are."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -34,7 +35,7 @@ class TaskObject:
         X_OPs: {task: (K, 4, 4) poses in O}, one each of those that mean the same.
         mirrored: whether the plane y = 0 of O is a plane of symmetry.
         split: the fixed set that the object belongs to; empty where it is from a file.
-        number: of the object in its set; with `split` what its random draws are seeded by.
+        number: of the object in its fixed set.
     """
 
     body: RigidObject
@@ -47,6 +48,17 @@ class TaskObject:
     def name(self) -> str:
         """The body's name, unique in its set."""
         return self.body.name
+
+    @property
+    def seed(self) -> tuple[int, ...]:
+        """What the object's random draws are seeded by, together with a seed of the user's.
+
+        By `split` and `number` in the fixed sets, and by `split` and name in all others.
+        """
+        if self.split in ("train", "test"):
+            return self.number, int(self.split == "test")
+        digest = hashlib.sha256(f"{self.split}/{self.name}".encode()).digest()
+        return (*np.frombuffer(digest[:16], dtype=">u4").tolist(),)
 
     def feature(self) -> Feature | None:
         """Return the part that poses are told by; None where the whole object tells them."""

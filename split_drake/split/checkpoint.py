@@ -4,7 +4,7 @@ A checkpoint is a safetensors file whose metadata holds `CheckpointInfo` as JSON
 """
 
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from split_drake.split.network import SplitConfig, SplitNetwork
 FORMAT = "split_drake.split"
 FORMAT_VERSION = 1
 DEFAULT_WEIGHTS = "split_mugs.safetensors"
-# Of checkpoints that are too old to say theirs; their tasks are those of mugs.
+# Of checkpoints that are too old to say theirs, but for edge and depth, which the architecture has.
 FIRST_WORKSPACE = Workspace((0.5, 0.0, 0.0), 0.3, 0.05, 0.004)
 
 
@@ -79,9 +79,10 @@ def default_weights() -> Path:
 def save_checkpoint(path: Path, network: SplitNetwork, info: CheckpointInfo) -> None:
     """Write `network` to `path`, atomically.
 
-    Raises ValueError where `info` describes another architecture, CheckpointError where a weight is
-    not finite.
+    Raises ValueError where `info` describes another architecture, or a workspace that is not its
+    grid's; CheckpointError where a weight is not finite.
     """
+    info.config.require_cube_of(info.workspace)
     if (network.config, network.tasks) != (info.config, info.tasks):
         raise ValueError(
             f"info describes {info.config} for {info.tasks}, the network is {network.config} for "
@@ -116,12 +117,15 @@ def _parse_info(text: str) -> CheckpointInfo:
     lists = {key: tuple(value) for key, value in config.items() if isinstance(value, list)}
     values["earlier_commits"] = tuple(values.get("earlier_commits", ()))
     tasks = [PoseTask.from_fields(fields) for fields in values.pop("tasks", ())]
-    workspace = values.pop("workspace", None)
+    split_config = SplitConfig(**(config | lists), noise=noise)
+    workspace = replace(
+        FIRST_WORKSPACE, edge_m=split_config.edge_m, depth_below_m=split_config.table_m
+    )
+    if (fields := values.pop("workspace", None)) is not None:
+        workspace = Workspace.from_fields(fields)
+        split_config.require_cube_of(workspace)
     return CheckpointInfo(
-        config=SplitConfig(**(config | lists), noise=noise),
-        tasks=tuple(tasks) or MUG_TASKS,
-        workspace=FIRST_WORKSPACE if workspace is None else Workspace.from_fields(workspace),
-        **values,
+        config=split_config, tasks=tuple(tasks) or MUG_TASKS, workspace=workspace, **values
     )
 
 

@@ -69,6 +69,8 @@ class SplitDetector:
         workspace: that it was trained on.
         config: how samples are drawn and chosen.
         integrator: how they move, in place of the Langevin dynamics of `config`.
+
+    Raises ValueError where the network's grid is not the workspace's cube.
     """
 
     def __init__(
@@ -78,6 +80,7 @@ class SplitDetector:
         config: SamplerConfig | None = None,
         integrator: Integrator | None = None,
     ) -> None:
+        network.config.require_cube_of(workspace)
         self._network = network.eval()
         self.tasks = network.tasks
         self.workspace = workspace
@@ -166,7 +169,10 @@ class SplitDetector:
         return compose(uniform_rotations(shape, generator), low + share * (high - low))
 
     def _check_workspace(self, workspace: Workspace) -> None:
-        """Raise ValueError where the scene's cube is not the one the network was trained on."""
+        """Raise ValueError where the scene's cube is not the one the network was trained on.
+
+        Nor where another height counts as table: that changes which points are seen.
+        """
         trained = self.workspace
         names = ("edge_m", "depth_below_m", "table_clearance_m")
         given = (*(getattr(workspace, name) for name in names), Scene.RESOLUTION)

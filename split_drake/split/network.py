@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from split_drake.pose_task import PoseTask
+from split_drake.scene import Workspace
 from split_drake.split.context import FeatureTables, in_pose_axes, point_kernel, pose_numbers
 from split_drake.split.diffusion import NoiseSchedule
 
@@ -74,6 +75,15 @@ class SplitConfig:
         for name, choices in (("context", ContextKind), ("score_frame", ScoreFrame)):
             if (value := getattr(self, name)) not in get_args(choices):
                 raise ValueError(f"{name} is {value!r}; expected one of {get_args(choices)}")
+
+    def require_cube_of(self, workspace: Workspace) -> None:
+        """Raise ValueError where the grid is not as large and as deep as a workspace's cube."""
+        if (self.edge_m, self.table_m) != (workspace.edge_m, workspace.depth_below_m):
+            raise ValueError(
+                f"the network's grid has edge_m={self.edge_m} and table_m={self.table_m}; the "
+                f"workspace has edge_m={workspace.edge_m} and "
+                f"depth_below_m={workspace.depth_below_m}: expected the same"
+            )
 
     @property
     def latent_width(self) -> int:
@@ -220,6 +230,27 @@ class SplitNetwork(nn.Module):
         # A latent is the same at all points: the centre is enough.
         self.register_buffer("kernel", kernel if config.context == "local" else kernel[:1])
         self.register_buffer("frequencies", torch.randn(config.frequencies))
+
+    def take_over(self, other: "SplitNetwork") -> None:
+        """Take over the weights of a network of the same architecture that knows all these tasks.
+
+        The heads see tasks one-hot: of their first layers the columns of these tasks are taken.
+
+        Raises ValueError where the architecture is another, or a task is missing.
+        """
+        if other.config != self.config:
+            raise ValueError(
+                f"the other network is of another architecture, {other.config}, not {self.config}"
+            )
+        unknown = [task.name for task in self.tasks if task not in other.tasks]
+        if unknown:
+            raise ValueError(f"the other network does not know {', '.join(unknown)}")
+        columns = torch.tensor([other.tasks.index(task) for task in self.tasks])
+        weights = dict(other.state_dict())
+        for name in ("score_condition.0.weight", "evaluator_condition.0.weight"):
+            of_tasks, rest = weights[name].tensor_split([len(other.tasks)], 1)
+            weights[name] = torch.cat([of_tasks[:, columns.to(of_tasks.device)], rest], 1)
+        self.load_state_dict(weights)
 
     @property
     def device(self) -> torch.device:

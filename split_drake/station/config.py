@@ -1,6 +1,6 @@
 """What a station is made of, as numbers; the defaults are those the project was measured with."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 from split_drake.station.layout import Layout
@@ -32,7 +32,7 @@ class StationConfig:
     is unknown.
     """
 
-    layout: Layout = field(default_factory=Layout)
+    layout: Layout
     time_step_s: float = 0.002
     contact_model: ContactModel = "point"
     contact_approximation: ContactApproximation = "sap"

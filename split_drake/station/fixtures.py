@@ -11,7 +11,16 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 from pydrake.common import MemoryFile
-from pydrake.geometry import Box, Capsule, Cylinder, InMemoryMesh, Mesh, Shape, Sphere
+from pydrake.geometry import (
+    Box,
+    Capsule,
+    Convex,
+    Cylinder,
+    InMemoryMesh,
+    Mesh,
+    Shape,
+    Sphere,
+)
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody, RotationalInertia, SpatialInertia
@@ -40,6 +49,8 @@ _OBJECT_RGBA = (
 
 def drake_shape(primitive: Primitive) -> Shape:
     """Return the Drake shape of a collision primitive."""
+    if primitive.kind == "convex":
+        return Convex(points=primitive.p_PVs.T, label="collision piece")
     makers = {"box": Box, "cylinder": Cylinder, "capsule": Capsule, "sphere": Sphere}
     return makers[primitive.kind](*primitive.size)
 
@@ -114,8 +125,12 @@ def _add_fixed(
     return body
 
 
-def add_objects(plant: MultibodyPlant, objects: Sequence[RigidObject]) -> tuple[RigidBody, ...]:
+def add_objects(
+    plant: MultibodyPlant, objects: Sequence[RigidObject], visible: bool = True
+) -> tuple[RigidBody, ...]:
     """Add free bodies, named as the objects, and return them in the same order.
+
+    Where nobody looks, `visible` may be False: meshes that are only seen take time to prepare.
 
     By default they rest beside each other, 0.15 m apart along y, from (0.5, 0) on.
 
@@ -123,18 +138,23 @@ def add_objects(plant: MultibodyPlant, objects: Sequence[RigidObject]) -> tuple[
     """
     bodies = []
     for index, item in enumerate(objects):
-        body = _add_object(plant, item, _OBJECT_RGBA[index % len(_OBJECT_RGBA)])
+        rgba = _OBJECT_RGBA[index % len(_OBJECT_RGBA)] if visible else None
+        body = _add_object(plant, item, rgba)
         p_WO = (0.5, 0.15 * index, -float(item.mesh.bounds[0][2]))
         plant.SetDefaultFloatingBaseBodyPose(body, RigidTransform(p_WO))
         bodies.append(body)
     return tuple(bodies)
 
 
-def _add_object(plant: MultibodyPlant, item: RigidObject, rgba: tuple[float, ...]) -> RigidBody:
+def _add_object(
+    plant: MultibodyPlant, item: RigidObject, rgba: tuple[float, ...] | None
+) -> RigidBody:
     if plant.HasBodyNamed(item.name):
         raise ValueError(f"an object's name is {item.name!r}; expected one that is not taken")
     body = plant.AddRigidBody(item.name, plant.AddModelInstance(item.name), spatial_inertia(item))
-    plant.RegisterVisualGeometry(body, RigidTransform(), drake_mesh(item.mesh), item.name, rgba)
+    if rgba is not None:
+        mesh = drake_mesh(item.mesh)
+        plant.RegisterVisualGeometry(body, RigidTransform(), mesh, item.name, rgba)
     _add_collision(plant, body, item.collision)
     return body
 

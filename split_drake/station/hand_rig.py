@@ -50,9 +50,8 @@ class HandRig:
         body: the object.
     """
 
-    def __init__(self, body: RigidObject, config: StationConfig | None = None) -> None:
+    def __init__(self, body: RigidObject, config: StationConfig) -> None:
         self.body = body
-        config = config or StationConfig()
         builder = DiagramBuilder()
         self._plant, scene_graph = add_plant(builder, config)
         self._panda = add_panda(self._plant)

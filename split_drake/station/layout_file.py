@@ -1,35 +1,63 @@
-"""A layout as a line of JSON, for files that depend on where table and hook stand."""
+"""A layout as JSON, for files that depend on where table, hook and cameras stand."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
+from split_drake.camera import Intrinsics
 from split_drake.scene import Workspace
-from split_drake.station.layout import HookShape, Layout
+from split_drake.station.layout import CameraPlacement, HookShape, Layout
 
 
-def layout_to_json(layout: Layout) -> str:
-    """Return the layout without its cameras, of which planners know nothing."""
-    fields = {
-        "workspace": asdict(layout.workspace),
-        "X_WK": np.asarray(layout.X_WK).tolist(),
-        "hook": asdict(layout.hook),
-        "table_size_m": layout.table_size_m,
-        "p_WTable": layout.p_WTable,
-    }
-    return json.dumps(fields, sort_keys=True)
+def layout_to_fields(layout: Layout) -> dict[str, Any]:
+    """Return the layout as values that JSON has."""
+    return {**_fixtures(layout), "cameras": [_camera(each) for each in layout.cameras]}
 
 
-def layout_from_json(text: str) -> Layout:
-    """Return the layout; its cameras are those that `Layout` has by default."""
-    fields = json.loads(text)
-    workspace = dict(fields["workspace"])
-    workspace["p_WCenter"] = tuple(workspace["p_WCenter"])
+def layout_from_fields(fields: Mapping[str, Any]) -> Layout:
+    """Return the layout; without `cameras` among the fields it has those of `Layout`'s default."""
     return Layout(
-        workspace=Workspace(**workspace),
+        workspace=Workspace.from_fields(fields["workspace"]),
+        cameras=tuple(_camera_from(each) for each in fields.get("cameras", ())),
         X_WK=np.array(fields["X_WK"]),
         hook=HookShape(**fields["hook"]),
         table_size_m=tuple(fields["table_size_m"]),
         p_WTable=tuple(fields["p_WTable"]),
+    )
+
+
+def layout_to_json(layout: Layout) -> str:
+    """Return the layout without its cameras, of which planners know nothing, as a line of JSON."""
+    return json.dumps(_fixtures(layout), sort_keys=True)
+
+
+def layout_from_json(text: str) -> Layout:
+    """Return the layout; its cameras are those that `Layout` has by default."""
+    return layout_from_fields(json.loads(text))
+
+
+def _fixtures(layout: Layout) -> dict[str, Any]:
+    return {
+        "workspace": asdict(layout.workspace),
+        "X_WK": np.asarray(layout.X_WK).tolist(),
+        "hook": asdict(layout.hook),
+        "table_size_m": list(layout.table_size_m),
+        "p_WTable": list(layout.p_WTable),
+    }
+
+
+def _camera(camera: CameraPlacement) -> dict[str, Any]:
+    return {
+        "name": camera.name,
+        "intrinsics": asdict(camera.intrinsics),
+        "X_WC": np.asarray(camera.X_WC).tolist(),
+    }
+
+
+def _camera_from(fields: Mapping[str, Any]) -> CameraPlacement:
+    return CameraPlacement(
+        fields["name"], Intrinsics(**fields["intrinsics"]), np.array(fields["X_WC"])
     )

@@ -52,12 +52,12 @@ class Station:
 
     def __init__(
         self,
-        config: StationConfig | None = None,
+        config: StationConfig,
         objects: Sequence[RigidObject] = (),
         meshcat: Meshcat | None = None,
         detector_system: PoseDetectorSystem | None = None,
     ) -> None:
-        self.config = config or StationConfig()
+        self.config = config
         self.objects = tuple(objects)
         layout = self.config.layout
         builder = DiagramBuilder()

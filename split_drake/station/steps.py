@@ -33,6 +33,7 @@ _MESH_EDGE_M = 0.004
 
 
 def add_plant(builder: DiagramBuilder, config: StationConfig) -> tuple[MultibodyPlant, SceneGraph]:
+    """Return an empty plant with the configured contact, and its scene graph."""
     plant_config = MultibodyPlantConfig(
         time_step=config.time_step_s,
         contact_model=config.contact_model,
@@ -93,6 +94,7 @@ def add_command(
     panda: ModelInstanceIndex,
     config: StationConfig,
 ) -> None:
+    """Add what turns commands of arm and gripper into the joints' desired states."""
     command = builder.AddNamedSystem("command", arm_command_system(config.finger_kp_n_per_m))
     builder.Connect(plant.get_state_output_port(panda), command.GetInputPort("measured"))
     builder.Connect(
@@ -103,6 +105,7 @@ def add_command(
 
 
 def export_state(builder: DiagramBuilder, plant: MultibodyPlant, panda: ModelInstanceIndex) -> None:
+    """Export the Panda's positions and velocities, and the efforts of its joints."""
     builder.ExportOutput(plant.get_state_output_port(panda), "panda_state")
     builder.ExportOutput(plant.get_net_actuation_output_port(panda), "panda_torques")
 
@@ -110,6 +113,7 @@ def export_state(builder: DiagramBuilder, plant: MultibodyPlant, panda: ModelIns
 def add_detector(
     builder: DiagramBuilder, system: PoseDetectorSystem, cameras: Sequence[RgbdSensor]
 ) -> None:
+    """Add a detector that reads all cameras, and export its scene and its pose sets."""
     builder.AddNamedSystem("detector", system)
     for camera in cameras:
         builder.Connect(
@@ -122,5 +126,6 @@ def add_detector(
 def add_meshcat(
     builder: DiagramBuilder, scene_graph: SceneGraph, meshcat: Meshcat, config: StationConfig
 ) -> None:
+    """Let a Meshcat show the scene, at the rate of the configuration."""
     params = MeshcatVisualizerParams(publish_period=1.0 / config.meshcat_rate_hz)
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat, params)

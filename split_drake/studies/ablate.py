@@ -147,8 +147,11 @@ def rows_at_hand(config: AblateConfig, console: Console) -> list[Row]:
             console.print(f"not evaluated yet: {path.parent}")
             continue
         metrics = json.loads(path.read_text())
-        if metrics["detector"] != json.loads(json.dumps(describe(config, variant))):
-            raise SystemExit(f"{path} is of other weights or another sampler than there are now")
+        asked = metrics.get("question", {})  # which older files don't have
+        if asked.get("detector") != json.loads(json.dumps(describe(config, variant))):
+            raise SystemExit(
+                f"{path} is of other weights, another sampler or an older format than there are now"
+            )
         rows.append(Row(variant, Cost.of(config.weights(variant)), metrics))
     return rows
 

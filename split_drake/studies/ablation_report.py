@@ -1,6 +1,5 @@
 """The table of the ablation: JSON, Markdown, and for the terminal."""
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -47,8 +46,8 @@ class Cost:
 
 def _minutes(run: TrainingFolder) -> float | None:
     """Return how long a run trained, by its curves; None where there are none."""
-    lines = run.curves.read_text().splitlines() if run.curves.exists() else []
-    return float(json.loads(lines[-1])["minutes"]) if lines else None
+    lines = run.read_curves() if run.curves.exists() else []
+    return float(lines[-1]["minutes"]) if lines else None
 
 
 @dataclass(frozen=True)
@@ -65,15 +64,16 @@ class Row:
 
     def top(self, task: PoseTask, check: str = "top_good") -> str:
         """Return in which share of the scenes the top-ranked sample passes a check."""
-        if check not in self.metrics[str(task)]:
+        if check not in self.metrics["tasks"][task.name]:
             return "-"
-        figures = self.metrics[str(task)][check]["all"]
+        figures = self.metrics["tasks"][task.name][check]["all"]
         low, high = figures["wilson95"]
         return f"{figures['share']:.1%} [{100 * low:.1f}, {100 * high:.1f}]"
 
     def samples(self) -> str:
         """Return which shares of all samples are good, before any is rejected, by task."""
-        shares = [self.metrics[str(task)]["samples_good"]["all"]["share"] for task in MUG_TASKS]
+        of_tasks = [self.metrics["tasks"][task.name] for task in MUG_TASKS]
+        shares = [figures["samples_good"]["all"]["share"] for figures in of_tasks]
         return " / ".join(f"{100 * share:.0f}" for share in shares)
 
     def record(self) -> dict[str, Any]:

@@ -164,7 +164,7 @@ def measure(config: StudyConfig, sampler: Sampler, console: Console) -> Row:
     )
     metrics = evaluate(evaluation, config.out / sampler.name, config.workers, console)
     shares = {
-        name: {task.name: metrics[task.name][name]["all"]["share"] for task in tasks}
+        name: {task.name: metrics["tasks"][task.name][name]["all"]["share"] for task in tasks}
         for name, tasks in MEASURES.items()
     }
     return {**asdict(sampler), "detect_s": metrics["median_detect_s"], **shares}

@@ -29,16 +29,21 @@ class AugmentationConfig:
         shift_m: largest shift along x and y.
         scale: largest relative change of all positions.
         noise_m: range that the standard deviation of a scene's noise is drawn from.
+        range_scale: standard deviation of the relative error of all distances from the camera, one
+            draw a scene: what is left of a depth camera's scale error.
     """
 
     shift_m: float = 0.02
     scale: float = 0.025
     noise_m: tuple[float, float] = (0.0, 0.008)
+    range_scale: float = 0.0
 
     def __post_init__(self) -> None:
         low_m, high_m = self.noise_m
         if not 0.0 <= low_m <= high_m:
             raise ValueError(f"noise_m is {self.noise_m}; expected 0 <= lowest <= highest")
+        if not 0.0 <= self.range_scale < 1.0:
+            raise ValueError(f"range_scale is {self.range_scale}; expected 0 or more, below 1")
         if self.shift_m < 0.0 or not 0.0 <= self.scale < 1.0:
             raise ValueError(
                 f"shift_m={self.shift_m}, scale={self.scale}; expected 0 or more, and below 1"
@@ -91,6 +96,16 @@ class Similarity:
     def poses(self, X_Vs: Tensor) -> Tensor:
         """Return the poses (B, N, 4, 4) transformed."""
         return compose(self.R[:, None] @ X_Vs[..., :3, :3], self.points(X_Vs[..., :3, 3]))
+
+
+def misjudge_range(
+    p_VSs: Tensor, p_VCs: Tensor, config: AugmentationConfig, generator: torch.Generator
+) -> Tensor:
+    """Return points (B, N, 3) moved along their rays from cameras (B, 3), by one factor a scene."""
+    if not config.range_scale:
+        return p_VSs
+    error = torch.randn(len(p_VSs), 1, 1, generator=generator, device=generator.device)
+    return p_VSs + config.range_scale * error * (p_VSs - p_VCs[:, None])
 
 
 def add_noise(p_VSs: Tensor, config: AugmentationConfig, generator: torch.Generator) -> Tensor:

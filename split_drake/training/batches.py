@@ -18,10 +18,14 @@ from split_drake.training.augmentation import (
     AugmentationConfig,
     Similarity,
     add_noise,
+    misjudge_range,
     turned_alike,
     voxelize,
 )
 from split_drake.training.training_scenes import TrainingScenes
+
+# Of tasks that have more poses a scene than others; they may be absent.
+_POSES_OF = (("grasp", 64),)
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,8 @@ class BatchConfig:
     Attributes:
         scenes: in a batch.
         poses: perturbed poses a scene, of each task.
-        poses_of: the same of those tasks that have another number; a task of none is not trained.
+        poses_of: (task, number) of those tasks that have another number; a task of 0 poses is not
+            trained.
         negatives: false poses a scene, of each task that has any, for the evaluator.
         poses_per_sigma: poses of a scene that share one noise level.
         evaluator_time: the paper's t_th, see `evaluator_limit`.
@@ -40,7 +45,7 @@ class BatchConfig:
 
     scenes: int = 8
     poses: int = 24
-    poses_of: dict[str, int] = field(default_factory=lambda: {"grasp": 64})
+    poses_of: tuple[tuple[str, int], ...] = _POSES_OF
     negatives: int = 24
     poses_per_sigma: int = 4
     evaluator_time: float = 0.3
@@ -51,8 +56,8 @@ class BatchConfig:
             raise ValueError(
                 f"scenes={self.scenes}, poses_per_sigma={self.poses_per_sigma}; expected 1 or more"
             )
-        counts = {"poses": self.poses, "negatives": self.negatives, **self.poses_of}
-        for name, count in counts.items():
+        counts = (("poses", self.poses), ("negatives", self.negatives), *self.poses_of)
+        for name, count in counts:
             if count < 0 or count % self.poses_per_sigma:
                 raise ValueError(
                     f"{name} is {count}; expected 0 or a positive multiple of "
@@ -70,10 +75,19 @@ class BatchConfig:
 
     def count(self, task: PoseTask) -> int:
         """Return how many perturbed poses of a task a scene has."""
-        return self.poses_of.get(task.name, self.poses)
+        return dict(self.poses_of).get(task.name, self.poses)
 
     def trained(self, tasks: Sequence[PoseTask]) -> tuple[PoseTask, ...]:
-        """Return those of the tasks that are trained; raise ValueError where none is."""
+        """Return those of the tasks that are trained.
+
+        Raises ValueError where none is, or where `poses_of` names another task.
+        """
+        names = {task.name for task in tasks}
+        for name, count in self.poses_of:
+            if name not in names and (name, count) not in _POSES_OF:
+                raise ValueError(
+                    f"poses_of names {name!r}; expected one of {', '.join(sorted(names))}"
+                )
         found = tuple(task for task in tasks if self.count(task))
         if not found:
             raise ValueError(f"no pose of {', '.join(map(str, tasks))} is trained")
@@ -169,7 +183,8 @@ def draw_batch(
     device, per_sigma = generator.device, batch.poses_per_sigma
     chosen = torch.randint(len(scenes), (batch.scenes,), generator=generator, device=device)
     augment = Similarity.draw(batch.scenes, batch.augmentation, split, generator)
-    points = add_noise(augment.points(scenes.p_VSs[chosen]), batch.augmentation, generator)
+    seen = misjudge_range(scenes.p_VSs[chosen], scenes.p_VCs[chosen], batch.augmentation, generator)
+    points = add_noise(augment.points(seen), batch.augmentation, generator)
     X_VPs = augment.poses(_true_poses(scenes, chosen, batch, generator))
     perturbed = PerturbedPoses.draw(X_VPs, batch, split, generator)
     false, owners = _false_poses(scenes, chosen, batch, generator)

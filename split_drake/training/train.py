@@ -22,7 +22,7 @@ from rich.progress import Progress
 
 from split_drake.data.dataset import SceneDataset
 from split_drake.experiments.provenance import file_sha256, git_commit
-from split_drake.pose_task import find_tasks
+from split_drake.pose_task import UnknownTaskError, find_tasks
 from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
 from split_drake.split.network import SplitConfig
@@ -30,9 +30,13 @@ from split_drake.training.batches import BatchConfig
 from split_drake.training.interruption import Interruption
 from split_drake.training.losses import Losses
 from split_drake.training.memory import keep_freed_memory
+from split_drake.training.precision import Precision, uses_bfloat16
 from split_drake.training.trainer import OptimizerConfig, StateError, Trainer
 from split_drake.training.training_folder import TrainingFolder
 from split_drake.training.training_scenes import TrainingScenes
+
+# What a line of the curves holds beside the tasks' losses, so that no task may be called so.
+_LINE_KEYS = frozenset(("step", "scenes", "minutes", "learning_rate", "focal"))
 
 
 @dataclass(frozen=True)
@@ -46,11 +50,12 @@ class TrainConfig:
         minutes: length of the run; give this or `steps`.
         steps: length of the run in optimiser steps.
         device: "auto" takes CUDA where there is one.
-        bfloat16: compute matrix products and fine convolutions in that type.
+        precision: of matrix products and fine convolutions; "auto" takes bfloat16 where that is
+            faster here: processors that only emulate it take a multiple of the time.
         seed: of weights and batches.
         tasks: names of those of the dataset's tasks that are trained; all where none is named.
         resume: go on with the run in `out`; only its length may be given anew.
-        init: checkpoint to take the first weights from.
+        init: checkpoint to take the first weights from; it may know more tasks.
         log_steps: steps averaged in one line of the curves.
         save_minutes: time between two saved states.
         network: architecture.
@@ -63,7 +68,7 @@ class TrainConfig:
     minutes: float | None = None
     steps: int | None = None
     device: Literal["auto", "cpu", "cuda"] = "auto"
-    bfloat16: bool = True
+    precision: Precision = "auto"
     seed: int = 0
     tasks: tuple[str, ...] = ()
     resume: bool = False
@@ -116,13 +121,10 @@ def parent_record(path: Path, info: CheckpointInfo) -> dict[str, Any]:
 
 def _require_fitting(network: SplitConfig, workspace: Workspace) -> None:
     """Exit where a network's grid is not that of the dataset's workspace."""
-    given = (network.edge_m, network.table_m)
-    wanted = (workspace.edge_m, workspace.depth_below_m)
-    if given != wanted:
-        raise SystemExit(
-            f"the network is for a cube with (edge_m, table_m) = {given}, the dataset's is "
-            f"{wanted}; --network.edge-m and --network.table-m set it"
-        )
+    try:
+        network.require_cube_of(workspace)
+    except ValueError as error:
+        raise SystemExit(f"{error}; --network.edge-m and --network.table-m set it") from error
 
 
 class TrainingRun:
@@ -135,17 +137,30 @@ class TrainingRun:
         self._commit = git_commit()
         self._earlier_commits: tuple[str, ...] = ()
         self._parent: dict[str, Any] | None = None
-        self._tasks = find_tasks(config.tasks or dataset.tasks, dataset.tasks, "the dataset")
+        try:
+            self._tasks = find_tasks(config.tasks or dataset.tasks, dataset.tasks, "the dataset")
+        except UnknownTaskError as error:
+            raise SystemExit(f"--tasks: {error}") from error
+        if taken := _LINE_KEYS.intersection(map(str, self._tasks)):
+            raise SystemExit(
+                f"a task is called {min(taken)!r}; expected none of {sorted(_LINE_KEYS)}"
+            )
         self._workspace = dataset.workspace
         _require_fitting(config.network, dataset.workspace)
         self._trained = [task.name for task in config.batch.trained(self._tasks)]
-        scenes = TrainingScenes.of(dataset, self._tasks, config.torch_device())
+        device = config.torch_device()
+        self._bfloat16 = uses_bfloat16(config.precision, device)
+        scenes = TrainingScenes.of(dataset, self._tasks, device)
         self._trainer = Trainer(
-            scenes, config.network, config.batch, config.optimizer, config.seed, config.bfloat16
+            scenes, config.network, config.batch, config.optimizer, config.seed, self._bfloat16
         )
         if config.init is not None:
             self._start_from(config.init)
-        options = config.record() | {"dataset_hash": self._dataset_hash, "parent": self._parent}
+        options = config.record() | {
+            "bfloat16": self._bfloat16,
+            "dataset_hash": self._dataset_hash,
+            "parent": self._parent,
+        }
         if self._folder.take_up(options, config.resume):
             self._go_on()
         self._console.print(
@@ -156,12 +171,10 @@ class TrainingRun:
     def _start_from(self, path: Path) -> None:
         """Take over the weights of a checkpoint."""
         network, info = load_checkpoint(path)
-        if (network.config, network.tasks) != (self._config.network, self._tasks):
-            raise SystemExit(
-                f"{path} holds another architecture, or other tasks: {network.config} for "
-                f"{', '.join(map(str, network.tasks))}"
-            )
-        self._trainer.start_from(network)
+        try:
+            self._trainer.start_from(network)
+        except ValueError as error:
+            raise SystemExit(f"{path} cannot be started from: {error}") from error
         self._parent = parent_record(path, info)
 
     def _go_on(self) -> None:

@@ -100,9 +100,9 @@ class Trainer:
         self.elapsed_s = 0.0
 
     def start_from(self, network: SplitNetwork) -> None:
-        """Take over the weights of `network`, which has the same architecture."""
-        self.network.load_state_dict(network.state_dict())
-        self.average.load_state_dict(network.state_dict())
+        """Take over the weights of a network, see `SplitNetwork.take_over`."""
+        self.network.take_over(network)
+        self.average.take_over(network)
 
     def take_step(self, progress: float) -> Losses:
         """Train on one batch, at a share `progress` of the run; return the losses before it.

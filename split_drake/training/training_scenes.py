@@ -10,7 +10,7 @@ from torch import Tensor
 
 from split_drake.data.dataset import TaskLabels
 from split_drake.data.labels import PoseState
-from split_drake.pose_task import PoseTask
+from split_drake.pose_task import PoseTask, UnknownTaskError
 from split_drake.scene import Workspace
 
 
@@ -23,7 +23,11 @@ class LabelledScenes(Protocol):
 
     @property
     def X_WOs(self) -> np.ndarray:
-        """(S, 4, 4) poses of the objects."""
+        """(S, 4, 4) poses of the subjects."""
+
+    @property
+    def p_WCs(self) -> np.ndarray:
+        """(S, 3) where cameras stand."""
 
     @property
     def object_index(self) -> np.ndarray:
@@ -73,6 +77,7 @@ class TrainingScenes:
 
     Attributes:
         p_VSs: (S, 2000, 3) points.
+        p_VCs: (S, 3) cameras.
         X_VOs: (S, 4, 4).
         object_index: (S,).
         tasks: that are trained, T of them.
@@ -80,6 +85,7 @@ class TrainingScenes:
     """
 
     p_VSs: Tensor
+    p_VCs: Tensor
     X_VOs: Tensor
     object_index: Tensor
     tasks: tuple[PoseTask, ...]
@@ -89,8 +95,8 @@ class TrainingScenes:
     def of(cls, dataset: LabelledScenes, tasks: Sequence[PoseTask], device: torch.device) -> Self:
         """Return the scenes of a data set with the labels of some of its tasks.
 
-        Raises ValueError where a scene has no true pose of a task, or of one that has false poses
-        no false one.
+        Raises UnknownTaskError where the data set has no labels of a task; ValueError where a scene
+        has no true pose of one, or of one that has false poses no false one.
         """
         for task in tasks:
             _require_drawable(dataset, task)
@@ -100,6 +106,7 @@ class TrainingScenes:
         clouds = torch.tensor(dataset.clouds, dtype=torch.float32, device=device)
         return cls(
             p_VSs=clouds.sub_(offset),
+            p_VCs=torch.tensor(dataset.p_WCs, dtype=torch.float32, device=device) - offset,
             X_VOs=X_VOs,
             object_index=torch.tensor(dataset.object_index, dtype=torch.long, device=device),
             tasks=tuple(tasks),
@@ -147,6 +154,11 @@ class TrainingScenes:
 
 def _require_drawable(dataset: LabelledScenes, task: PoseTask) -> None:
     """Raise ValueError naming a scene without a true, or without a false pose of a task."""
+    if task.name not in dataset.labels:
+        known = ", ".join(dataset.labels)
+        raise UnknownTaskError(
+            f"the dataset has no labels of {task.name!r}; it has those of {known}"
+        )
     labels = dataset.labels[task.name]
     true = (labels.states == PoseState.TRUE) & (labels.weights[dataset.object_index] > 0.0)
     false = labels.states == PoseState.FALSE

@@ -53,7 +53,7 @@ class TuneConfig:
     steps: int = 3000
     learning_rate: float = 3e-4
     seed: int = 0
-    batch: BatchConfig = field(default_factory=lambda: BatchConfig(poses_of={GRASP.name: 0}))
+    batch: BatchConfig = field(default_factory=lambda: BatchConfig(poses_of=((GRASP.name, 0),)))
 
     def __post_init__(self) -> None:
         if count := self.batch.count(GRASP):

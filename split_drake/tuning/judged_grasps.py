@@ -35,7 +35,7 @@ from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import file_sha256
 from split_drake.experiments.run import CONFIG, claim_folder
 from split_drake.files import replacing
-from split_drake.objects.mug_source import MugSource
+from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.pose_task import GRASP
 from split_drake.scene import Scene, Workspace
 from split_drake.split.detector import SamplerConfig, SplitDetector

@@ -21,6 +21,8 @@ from rich.console import Console
 from split_drake.data.dataset import SceneDataset
 from split_drake.experiments.provenance import git_commit
 from split_drake.objects.mugs.split import mug_names
+from split_drake.pose_task import UnknownTaskError
+from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
 from split_drake.station.layout import Layout
 from split_drake.training.train import parent_record
@@ -41,8 +43,12 @@ def tune(config: TuneConfig) -> None:
     console = Console(soft_wrap=True)
     network, info = load_checkpoint(config.init)
     dataset = SceneDataset.open(config.data)
-    scenes = TrainingScenes.of(dataset, network.tasks, torch.device("cpu"))
+    try:
+        scenes = TrainingScenes.of(dataset, network.tasks, torch.device("cpu"))
+    except UnknownTaskError as error:
+        raise SystemExit(f"{config.data}: {error}") from error
     judged = JudgedGrasps.open(config.judged, mug_names("train"))
+    _require_one_workspace(config, info.workspace, dataset.workspace, judged.workspace)
     used, held_out = JudgedScenes.split(judged)
     before = ranking_quality(network, held_out)
     losses: list[float] = []
@@ -55,6 +61,14 @@ def tune(config: TuneConfig) -> None:
         console.print(f"{name}, held-out mugs: {before[name]:.3f} before, {after[name]:.3f} after")
     metrics = {"tuning": {"before": before, "after": after}}
     save_checkpoint(config.out, network, _tuned_info(config, info, dataset.dataset_hash, metrics))
+
+
+def _require_one_workspace(config: TuneConfig, *workspaces: Workspace) -> None:
+    """Exit unless checkpoint, dataset and judged grasps are of one workspace."""
+    paths = (config.init, config.data, config.judged)
+    if len(set(workspaces)) > 1:
+        each = "; ".join(f"{path}: {own}" for path, own in zip(paths, workspaces, strict=True))
+        raise SystemExit(f"expected files of one workspace: {each}")
 
 
 def _tuned_info(
@@ -79,7 +93,8 @@ def _tuned_info(
 def main(config: JudgeConfig | TuneConfig) -> None:
     """Run one of the two commands."""
     if isinstance(config, JudgeConfig):
-        judge(config, mug_names("train"), Layout())
+        _, info = load_checkpoint(config.checkpoint)
+        judge(config, mug_names("train"), Layout(workspace=info.workspace))
     else:
         tune(config)
 

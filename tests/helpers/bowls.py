@@ -15,8 +15,8 @@ from split_drake.objects.rigid import Primitive, RigidObject
 from split_drake.objects.task_object import TaskObject
 from split_drake.pose_task import PoseTask, Symmetry
 from split_drake.poses import make_pose
-from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
+from tests.helpers.stations import STATION
 
 RIM = PoseTask(
     "rim", Symmetry.any_turn("z"), "a bowl's rim: origin in the middle of its circle, z out of it"
@@ -61,11 +61,11 @@ def build_bowl(number: int) -> TaskObject:
 def bowl_rests(number: int) -> Rests:
     """Return how bowl `number` comes to rest after a few drops in physics."""
     rng = np.random.default_rng(number)
-    return settle(build_bowl(number).body, RESTS, rng, StationConfig())
+    return settle(build_bowl(number).body, RESTS, rng, STATION)
 
 
-def rests_of(bowl: TaskObject) -> Rests:
-    """Return how a bowl comes to rest."""
+def rests_of(bowl: TaskObject, _layout: Layout) -> Rests:
+    """Return how a bowl comes to rest on a table."""
     return bowl_rests(bowl.number)
 
 
@@ -92,7 +92,7 @@ class Bowls:
 
     def make(self, number: int, seed: int) -> EvalSubject:
         bowl = build_bowl(self.numbers[number])
-        return EvalSubject(bowl, rests_of(bowl), self.layout, true_grasps=None)
+        return EvalSubject(bowl, rests_of(bowl, self.layout), self.layout, true_grasps=None)
 
     def config(self) -> dict[str, Any]:
         return {"bowls": self.numbers, "workspace": asdict(self.layout.workspace)}

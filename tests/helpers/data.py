@@ -8,6 +8,7 @@ from split_drake.grasps.sampling import sample_grasps
 from split_drake.grasps.store import CheckedGrasps
 from split_drake.objects.task_object import TaskObject
 from split_drake.poses import make_pose, rotation_x, rotation_y, rotation_z
+from split_drake.station.layout import Layout
 
 # Upright, on the side with a mug's handle beside it, and on the side with the handle up.
 R_TOS = (
@@ -17,8 +18,8 @@ R_TOS = (
 )
 
 
-def make_rests(subject: TaskObject) -> Rests:
-    """Return three poses, the middle of the object's bounding box above T."""
+def make_rests(subject: TaskObject, _layout: Layout | None = None) -> Rests:
+    """Return three poses on any table, the middle of the object's bounding box above T."""
     X_TOs = []
     for R_TO in R_TOS:
         p_Ts = subject.body.mesh.vertices @ R_TO.T

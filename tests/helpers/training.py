@@ -16,7 +16,7 @@ from split_drake.training import batches, trainer
 from split_drake.training.training_scenes import TrainingScenes
 
 NETWORK = SplitConfig(channels=(4, 8, 8), context_grids=(0, 1, 3), width=32, layers=4)
-BATCH = batches.BatchConfig(scenes=4, poses=8, poses_of={}, negatives=4)
+BATCH = batches.BatchConfig(scenes=4, poses=8, poses_of=(), negatives=4)
 OPTIMIZER = trainer.OptimizerConfig(learning_rate=3e-3, warmup_steps=5)
 
 # Heights of the grasp candidates above the foot of a post of the first kind.
@@ -30,6 +30,7 @@ class PostScenes:
 
     clouds: np.ndarray
     X_WOs: np.ndarray
+    p_WCs: np.ndarray
     object_index: np.ndarray
     labels: Mapping[str, TaskLabels]
     tasks: tuple[PoseTask, ...] = MUG_TASKS
@@ -54,6 +55,7 @@ def make_scenes(count: int = 12) -> PostScenes:
     return PostScenes(
         clouds=clouds.astype(np.float32),
         X_WOs=X_WO,
+        p_WCs=np.tile((0.5, 0.0, 0.6), (count, 1)),
         object_index=np.arange(count) // 2 % 2,
         labels={
             "grasp": grasp_labels(count),

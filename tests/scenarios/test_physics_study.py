@@ -18,9 +18,9 @@ from scenarios.study.trials import (
     study_run,
 )
 from split_drake.experiments.run import json_line
-from split_drake.station.config import StationConfig
+from tests.helpers.stations import STATION
 
-CELLS = study_cells(FACTORS)
+CELLS = study_cells(STATION, FACTORS)
 
 
 def record(index: int, outcome: str, cell: str = "hang: default") -> StudyRecord:
@@ -30,7 +30,7 @@ def record(index: int, outcome: str, cell: str = "hang: default") -> StudyRecord
 def test_cells_differ_from_the_default_in_one_thing() -> None:
     assert len({cell.name for cell in CELLS}) == len(CELLS)
     assert {cell.factor for cell in CELLS} == {None, *FACTORS}
-    default = StationConfig()
+    default = STATION
     for cell in CELLS:
         changed = {
             name
@@ -65,7 +65,7 @@ def test_a_held_mug_stays_in_every_contact_model(model: str, tmp_path: Path) -> 
 
 def test_slippery_mugs_slip_further(tmp_path: Path) -> None:
     default = next(cell for cell in CELLS if cell.name == "hold: default")
-    slippery = replace(default, station=StationConfig(friction=0.02))
+    slippery = replace(default, station=replace(STATION, friction=0.02))
     kept, sliding = (
         run_study_trial(StudyTrial(cell, 0, 3, 0.5, tmp_path)) for cell in (default, slippery)
     )

@@ -8,6 +8,9 @@ from typing import cast
 import numpy as np
 import pytest
 
+from planning import subgoal
+from planning.checking import goal_checks
+from planning.checking.goal_checks import goal_check, register_goal_check
 from planning.collision.world import static_checker
 from planning.goals.hang import SUBGOAL as HANG
 from planning.goals.upright import SUBGOAL as REORIENT
@@ -23,6 +26,7 @@ from planning.problem import (
     Stage,
 )
 from planning.problem_files import save_problems
+from planning.subgoal import register_subgoal
 from scenarios.bench import records as bench_records
 from scenarios.bench.plan_measures import FARTHEST_M, PlanMeter, rms_jerk
 from scenarios.bench.records import (
@@ -33,7 +37,7 @@ from scenarios.bench.records import (
     run_planner,
     run_task,
 )
-from scenarios.planner_bench import BenchOptions, main
+from scenarios.planner_bench import BenchOptions, main, subgoals_of
 from split_drake.experiments.run import json_line
 from split_drake.poses import Array, make_pose, rotation_x
 from split_drake.robot.kinematics import closed_form_ik
@@ -83,7 +87,10 @@ def test_three_problems_from_file_to_table_and_on(tmp_path: Path) -> None:
     summary = json.loads((out / "summary.json").read_text())
     assert summary["planners"]["rrt"]["solved"] == {"successes": 2, "trials": 3}
     assert summary["planners"]["gcs"]["failures"] == {"planning": 1}
-    assert summary["planners"]["gcs"]["groups"]["unnumbered"] == {"successes": 2, "trials": 3}
+    assert summary["planners"]["gcs"]["groups"] == {
+        "hang-unnumbered": {"successes": 1, "trials": 2},
+        "reorient-unnumbered": {"successes": 1, "trials": 1},
+    }
     assert summary["pairs"][0]["mcnemar_p"] == 1.0
     main(BenchOptions(planner=("rrt",), problems=file, limit=1, out=out))
     limited = json.loads((out / "summary.json").read_text())
@@ -106,6 +113,24 @@ def test_three_problems_from_file_to_table_and_on(tmp_path: Path) -> None:
 def test_options_that_make_no_sense_are_errors(options: dict, match: str) -> None:
     with pytest.raises(ValueError, match=match):
         BenchOptions(**options)
+
+
+def test_problems_whose_plans_nothing_checks_are_refused_up_front(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(subgoal, "_REGISTERED", {})
+    monkeypatch.setattr(goal_checks, "_REGISTERED", {})
+    throw = register_subgoal(replace(HANG, name="throw"))
+    # Worker processes would not know of it.
+    register_goal_check(replace(goal_check("hang"), subgoal="throw"))
+    file, out = tmp_path / "problems.npz", tmp_path / "run"
+    problems = {"one-0": mug_problem(HANG, STANDING), "one-1": mug_problem(throw, STANDING)}
+    save_problems(file, problems)
+    with pytest.raises(SystemExit, match="nothing says where plans to throw must end") as refusal:
+        main(BenchOptions(problems=file, out=out))
+    assert "planning/checking/goals" in str(refusal.value) and "\n" not in str(refusal.value)
+    assert not out.exists()
+    assert subgoals_of(BenchOptions(problems=file, limit=1)) == {"one-0": "hang"}
 
 
 def test_a_plan_that_collides_is_refused_and_a_raise_is_an_error() -> None:
@@ -152,7 +177,7 @@ def test_a_planner_that_cannot_be_made_is_an_error(
     file = tmp_path / "problems.npz"
     save_problems(file, {"hang": mug_problem(HANG, STANDING)})
     monkeypatch.setattr(bench_records, "make_planner", fail)
-    record = run_task(BenchTask(file, "hang", "unmade", SEED))
+    record = run_task(BenchTask(file, "hang", "hang", "unmade", SEED))
     assert (record.problem, record.planner, record.outcome) == ("hang", "unmade", ERROR)
     assert "no regions for unmade" in record.reason
     assert record.planning_s is None

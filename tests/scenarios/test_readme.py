@@ -4,6 +4,8 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,16 +13,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planning.checking.goal_checks import off_table
+from planning.checking.goal_checks import goal_check
+from planning.checking.plan_contract import contract_violations
 from planning.planner import make_planner
 from planning.problem import Plan
+from planning.subgoal import find_subgoal
 from split_drake.data.dataset import SceneDataset
 from split_drake.data.render import DepthRenderer
 from split_drake.objects.mugs.split import load_mug
 from split_drake.pose_set import PoseSet, load_pose_sets
-from split_drake.poses import make_pose
+from split_drake.poses import Array, make_pose
 from split_drake.station.layout import Layout
-from tests.helpers.planning import STANDING, mug_problem
+from tests.helpers.planning import LYING, STANDING, mug_problem
+from tests.helpers.rooms import added_files
 
 ROOT = Path(__file__).parents[2]
 READMES = ("README.md", "planning/README.md", "scenarios/README.md", "split_drake/README.md")
@@ -55,12 +60,34 @@ def test_the_example_finds_grasps(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert set(found) == {"grasp", "handle", "upright"}
 
 
-def test_the_subgoal_is_planned_for() -> None:
-    subgoal = executed(examples("planning/README.md")[1])["SUBGOAL"]
-    problem = mug_problem(subgoal, STANDING)
+@pytest.fixture
+def _set_down(tmp_path: Path) -> Iterator[None]:
+    """Have the README's subgoal and its check lie where it says."""
+    text = (ROOT / "planning/README.md").read_text()
+    _, subgoal, check = examples("planning/README.md")
+    with ExitStack() as stack:
+        for room, code in (("goals", subgoal), ("checking/goals", check)):
+            assert f"`planning/{room}/set_down.py`" in text
+            folder = tmp_path / room
+            folder.mkdir(parents=True)
+            name = f"planning.{room.replace('/', '.')}"
+            stack.enter_context(added_files(folder, name, {"set_down": code}))
+        yield
+
+
+@pytest.mark.usefixtures("_set_down")
+@pytest.mark.parametrize("X_WO", [STANDING, LYING], ids=["standing", "lying"])
+def test_the_subgoal_is_planned_for_and_checked_where_it_says(X_WO: Array) -> None:
+    problem = mug_problem(find_subgoal("set_down"), X_WO)
     plan = make_planner("default").plan(problem, np.random.default_rng(0))
     assert isinstance(plan, Plan), plan
-    assert off_table(plan, problem) == ""
+    assert contract_violations(plan, problem) == []
+    # 0.1 m to the left, and upright.
+    p_WCenter = np.array(problem.layout.workspace.p_WCenter)
+    np.testing.assert_allclose((plan.X_WGoal[:3, 3] - p_WCenter)[:2], (0.0, 0.1), atol=1e-9)
+    assert plan.X_WGoal[2, 2] == pytest.approx(1.0)
+    off = replace(plan, X_WGoal=make_pose(p=(0.02, 0.0, 0.0)) @ plan.X_WGoal)
+    assert "mm from its place" in goal_check("set_down").off_goal(off, problem)
 
 
 def test_objects_of_ones_own_have_a_dataset(
@@ -76,8 +103,7 @@ def test_objects_of_ones_own_have_a_dataset(
 def commands() -> Iterator[tuple[str, str]]:
     """Yield the commands of all READMEs and notes: a module, and what follows it."""
     for name in (*READMES, "BUILD-notes.md"):
-        for module, rest in COMMAND.findall((ROOT / name).read_text().replace("\\\n", " ")):
-            yield module, rest
+        yield from COMMAND.findall((ROOT / name).read_text().replace("\\\n", " "))
 
 
 @cache

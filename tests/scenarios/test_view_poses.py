@@ -8,7 +8,7 @@ import pytest
 from scenarios.view_poses import ViewOptions, main
 from scenarios.viewing.pose_drawing import pose_segments, score_bands, score_color, sketch
 from split_drake.pose_set import PoseSet, save_pose_sets
-from split_drake.pose_task import GRASP, UPRIGHT, PoseTask, Symmetry
+from split_drake.pose_task import GRASP, HANDLE, UPRIGHT, PoseTask, Symmetry
 from split_drake.poses import Array, make_pose, rotation_x, rotation_z
 
 
@@ -34,6 +34,14 @@ def test_a_task_without_a_sketch_of_its_own_shows_its_symmetry(
     drawn = sketch(PoseTask("lid", symmetry))
     assert same_points(drawn @ R_same.T, drawn)
     assert not same_points(drawn @ R_other.T, drawn)
+
+
+def test_an_own_task_of_a_known_name_does_not_have_the_sketch_of_the_known_one() -> None:
+    turning = Symmetry.any_turn("z")
+    own = sketch(PoseTask("handle", turning))
+    np.testing.assert_array_equal(own, sketch(PoseTask("lid", turning)))
+    assert own.shape != sketch(HANDLE).shape
+    np.testing.assert_array_equal(sketch(PoseTask("handle", HANDLE.symmetry)), sketch(HANDLE))
 
 
 def same_points(one: Array, other: Array) -> bool:

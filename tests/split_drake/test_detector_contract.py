@@ -16,6 +16,7 @@ from split_drake.split.detector import SamplerConfig, SplitDetector
 from split_drake.station.station import Station
 from split_drake.truth.oracle import OracleDetector
 from split_drake.truth.state import Truth
+from tests.helpers.stations import STATION
 
 # A gripper frame lies between the pads: grasps of what is in the workspace are hardly outside.
 MARGIN_M = 0.03
@@ -24,7 +25,7 @@ MARGIN_M = 0.03
 @cache
 def mug_on_table() -> tuple[Station, Scene]:
     """Return a station with an unseen mug upright on the table, and what its cameras see."""
-    station = Station(objects=[load_mug("test_001").body])
+    station = Station(STATION, [load_mug("test_001").body])
     station.place_object(0, make_pose(rotation_z(0.8), (0.51, -0.02, 0.0)))
     return station, Scene.from_views(station.capture(), station.config.layout.workspace)
 

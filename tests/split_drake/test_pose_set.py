@@ -83,6 +83,38 @@ def test_archives_that_do_not_name_their_tasks_hold_those_of_mugs(tmp_path: Path
     assert {name: found.task for name, found in loaded.items()} == {"handle": HANDLE}
 
 
+LID = PoseTask("lid")
+POINTS = np.zeros((1, 3))
+
+
+def test_sets_come_back_by_the_names_of_their_tasks(tmp_path: Path) -> None:
+    path = tmp_path / "poses.npz"
+    save_pose_sets(path, {"lids": PoseSet(LID, poses(2), np.ones(2))}, POINTS)
+    loaded, _ = load_pose_sets(path)
+    assert list(loaded) == ["lid"]
+    np.testing.assert_array_equal(loaded["lid"].X_WPs, poses(2))
+
+
+def test_two_sets_of_one_name_are_not_saved(tmp_path: Path) -> None:
+    one, other = PoseSet(LID, poses(2), np.ones(2)), PoseSet(LID, poses(1), np.ones(1))
+    with pytest.raises(ValueError, match="of the tasks lid, lid; expected one of each"):
+        save_pose_sets(tmp_path / "poses.npz", {"one": one, "other": other}, POINTS)
+    assert not (tmp_path / "poses.npz").exists()
+
+
+@pytest.mark.parametrize("lost", ["X_WPs", "scores"])
+def test_an_archive_without_poses_of_a_task_that_it_lists_is_refused(
+    tmp_path: Path, lost: str
+) -> None:
+    path = tmp_path / "poses.npz"
+    save_pose_sets(path, {"lid": PoseSet(LID, poses(2), np.ones(2))}, POINTS)
+    with np.load(path) as archive:
+        kept = {name: archive[name] for name in archive.files if name != f"lid/{lost}"}
+    np.savez(path, allow_pickle=False, **kept)
+    with pytest.raises(ValueError, match=f"poses.npz lists the task lid, but has no lid/{lost}$"):
+        load_pose_sets(path)
+
+
 def test_scores_that_reach_the_threshold_are_accepted() -> None:
     drawn = {
         "grasp": ScoredPoses(poses(3), np.array([0.4, 0.2, 0.9])),

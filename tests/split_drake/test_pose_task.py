@@ -237,6 +237,13 @@ def test_unknown_tasks_are_refused_and_those_known_named() -> None:
         find_tasks((GRASP, "lid"), MUG_TASKS, "the mug")
 
 
+def test_a_single_name_is_no_sequence_of_tasks() -> None:
+    with pytest.raises(
+        TypeError, match=r"^tasks are 'top'; expected a sequence, such as \['top'\]$"
+    ):
+        find_tasks("top", MUG_TASKS, "the mug")
+
+
 def test_a_task_of_another_symmetry_is_another_task() -> None:
     turning = PoseTask("upright", Symmetry.any_turn("z"))
     with pytest.raises(UnknownTaskError, match=r"'upright' has .*'any turn'.*the mug has .*'none'"):

@@ -108,7 +108,7 @@ class MugParameters:
 
 
 def sample_parameters(rng: np.random.Generator) -> MugParameters:
-    """Draw each parameter uniformly; the mug may turn out invalid (`mugs.build_mug` judges)."""
+    """Draw each parameter uniformly; the mug may turn out invalid (`build.build_mug` judges)."""
     profile = PROFILES[rng.integers(len(PROFILES))]
     handle = HANDLES[rng.integers(len(HANDLES))]
     drawn = {name: round(rng.uniform(*limits), DECIMALS) for name, limits in RANGES.items()}

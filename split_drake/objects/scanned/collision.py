@@ -1,4 +1,4 @@
-"""Collision geometry fitted to a mug's mesh: what `mug_collision` builds, from measurements."""
+"""Collision geometry fitted to a mug's mesh: what `mugs.collision` builds, from measurements."""
 
 from itertools import pairwise
 

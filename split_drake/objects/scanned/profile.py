@@ -5,13 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
+from split_drake.objects.handle_points import HANDLE_AZIMUTH_RAD
 from split_drake.objects.mug_shape import InvalidMugError
 from split_drake.objects.ray_caster import RayCaster
 from split_drake.objects.scanned.frame import outer_radii
 from split_drake.poses import Array
 
-# The handle, towards +x of O, does not reach around the body further than this.
-HANDLE_AZIMUTH_RAD = np.radians(60.0)
 # A cavity's floor must lie below this share of the height.
 MAX_FLOOR = 0.5
 

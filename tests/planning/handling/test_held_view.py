@@ -24,6 +24,7 @@ from split_drake.scene import Scene
 from split_drake.station.layout import Layout
 from split_drake.station.station import Station
 from tests.helpers.planning import configuration
+from tests.helpers.stations import STATION
 
 LAYOUT = Layout()
 LOWEST_Z_M = LAYOUT.workspace.lowest_z_m
@@ -133,7 +134,7 @@ def test_points_of_the_robot_and_the_table_are_left_out() -> None:
 
 
 def test_nothing_is_left_of_a_robot_above_the_workspace() -> None:
-    station = Station()
+    station = Station(STATION)
     q = np.array([1.075, 0.858, -1.07, -2.638, -0.101, 3.66, 2.256])
     station.set_arm(q, 0.08)
     views = station.capture()

@@ -20,6 +20,7 @@ from planning.problem import (
     SegmentName,
     Stage,
 )
+from planning.subgoal import Subgoal
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import MUG_TASKS, UPRIGHT, PoseTask
 from split_drake.poses import make_pose
@@ -109,6 +110,43 @@ def test_the_reasons_of_all_subgoals_are_given() -> None:
     result = sequencer.reach(HANG, np.random.default_rng(0))
     assert result.reason == "hang: no hang; reorient: no reorient"
     assert len(result.attempts) == 4
+
+
+class PlansOf:
+    """Has a plan, always the same way, for one subgoal and none for any other."""
+
+    def __init__(self, *subgoals: Subgoal) -> None:
+        self._subgoals = subgoals
+
+    def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
+        if problem.subgoal in self._subgoals:
+            return replace(reorient_plan(), subgoal=problem.subgoal)
+        return PlanFailure(Stage.PLANNING, f"no {problem.subgoal}")
+
+
+def test_a_goal_is_not_reached_by_what_comes_before_it() -> None:
+    tidy = replace(REORIENT, name="tidy", first=replace(REORIENT, name="lift first"))
+    looks = Looks(*[mug_problem(tidy, STANDING)] * 3)
+    assert tidy.first is not None
+    sequencer = Sequencer(PlansOf(tidy.first), looks, Executor(PerfectRobot()), Layout())
+    result = sequencer.reach(tidy, np.random.default_rng(0))
+    assert not result.completed and result.stage is Stage.PLANNING
+    tried = [str(attempt.subgoal) for attempt in result.attempts]
+    assert tried == ["tidy", "lift first", "tidy", "tidy"]
+
+
+def test_a_chain_of_subgoals_is_gone_down_as_far_as_it_must_be() -> None:
+    last = replace(REORIENT, name="c")
+    middle = replace(HANG, name="b", first=last)
+    top = replace(HANG, name="top", first=middle)
+    looks = Looks(*[mug_problem(top, STANDING)] * 3)
+    sequencer = Sequencer(PlansOf(last), looks, Executor(PerfectRobot()), Layout())
+    result = sequencer.reach(top, np.random.default_rng(0))
+    tried = [str(attempt.subgoal) for attempt in result.attempts]
+    assert tried == ["top", "b", "c", "top", "b", "top", "b"]
+    assert result.reason == "top: no top; b: no b"
+    assert set(looks.asked[0]) == set(MUG_TASKS)
+    assert result.attempts[2].execution is not None
 
 
 def test_a_reorientation_is_looked_at_once_it_is_done() -> None:
@@ -273,7 +311,7 @@ def test_an_object_that_is_lost_for_good_failed_where_it_was_lost() -> None:
     [
         (lambda: AttemptLimits(picks=0), "picks is 0"),
         (lambda: AttemptLimits(placements=0), "placements is 0"),
-        (lambda: AttemptLimits(reorientations=-1), "reorientations is -1"),
+        (lambda: AttemptLimits(firsts=-1), "firsts is -1"),
         (lambda: AttemptLimits(looks=0), "looks is 0"),
     ],
 )

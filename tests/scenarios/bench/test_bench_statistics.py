@@ -1,6 +1,6 @@
 """The bench's figures, pairs and tables, of made-up records."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +17,7 @@ from scenarios.bench.statistics import (
     compare_all,
 )
 from scenarios.planner_bench import BenchOptions, missing_tasks
+from split_drake.experiments.run import as_json
 from split_drake.experiments.statistics import mcnemar_exact
 
 SEED = (0, 0)
@@ -43,12 +44,13 @@ def test_summaries_count_and_take_medians() -> None:
 def test_shares_are_those_of_groups_and_unknown_times_no_times() -> None:
     names = ("hang-split-test-0", "hang-split-test-1", "hang-oracle-test-0", "odd one")
     records = [replace(made_up(i, "a", i != 1), problem=name) for i, name in enumerate(names)]
-    records.append(crashed_task(BenchTask(Path(), "odd two", "a", SEED)))
+    records.append(crashed_task(BenchTask(Path(), "odd two", "hang", "a", SEED)))
     summary = PlannerSummary.of(records)
     assert {group: (r.successes, r.trials) for group, r in summary.groups.items()} == {
         "hang-split-test": (1, 2),
         "hang-oracle-test": (1, 1),
-        "unnumbered": (1, 2),
+        "unnumbered": (1, 1),
+        "hang-unnumbered": (0, 1),
     }
     assert (summary.median_s, summary.median_cpu_s) == (2.0, 1.0)
     assert (summary.timed, PlannerSummary.of(records[-1:]).median_s) == (4, None)
@@ -57,7 +59,7 @@ def test_shares_are_those_of_groups_and_unknown_times_no_times() -> None:
 def test_planners_take_turns_at_going_first() -> None:
     options = BenchOptions(planner=("rrt", "gcs"), seed=3)
     done = [made_up(2, "rrt", solved=True)]
-    tasks = missing_tasks(options, ["p0", "p1", "p2"], done)
+    tasks = missing_tasks(options, dict.fromkeys(("p0", "p1", "p2"), "hang"), done)
     assert [(task.problem, task.planner) for task in tasks] == [
         ("p0", "rrt"),
         ("p0", "gcs"),
@@ -66,6 +68,23 @@ def test_planners_take_turns_at_going_first() -> None:
         ("p2", "gcs"),
     ]
     assert [task.seed for task in tasks[1:4]] == [(3, 0), (3, 1), (3, 1)]
+    assert {task.subgoal for task in tasks} == {"hang"}
+
+
+def test_groups_are_of_the_problems_subgoals_whatever_their_names_say() -> None:
+    names = {"scene-0": "hang", "scene-1": "reorient", "reorient-0": "hang", "hang-split-0": "hang"}
+    records = [
+        replace(made_up(i, "a", True), problem=name, subgoal=subgoal)
+        for i, (name, subgoal) in enumerate(names.items())
+    ]
+    groups = PlannerSummary.of(records).groups
+    assert list(groups) == ["hang-scene", "reorient-scene", "hang-reorient", "hang-split"]
+
+
+def test_records_that_were_written_without_their_subgoal_are_read() -> None:
+    fields = as_json(asdict(made_up(0, "a", True)))
+    del fields["subgoal"]
+    assert BenchRecord.from_fields(fields) == made_up(0, "a", True)
 
 
 def test_pairs_are_compared_on_shared_problems_alone() -> None:

@@ -13,12 +13,13 @@ from split_drake.robot.panda import MAX_WEIGHT_NM, Q_HOME, arm_limits, weight_to
 from split_drake.station.station import Station
 from split_drake.truth.state import Truth
 from tests.helpers.planning import configuration
+from tests.helpers.stations import STATION
 
 WITHIN = Peaks(0.5, 0.7, 0.6, 0.001)
 
 
 def test_an_arm_at_rest_feels_its_weight_alone() -> None:
-    station = Station(objects=[load_mug("test_004").body])
+    station = Station(STATION, [load_mug("test_004").body])
     log = LimitLog(station, Truth(station))
     station.advance(0.05)
     limits = arm_limits()
@@ -31,7 +32,7 @@ def test_an_arm_at_rest_feels_its_weight_alone() -> None:
 
 
 def test_a_commanded_jump_is_seen_as_too_fast() -> None:
-    station = Station(objects=[load_mug("test_004").body])
+    station = Station(STATION, [load_mug("test_004").body])
     log = LimitLog(station, Truth(station))
     station.command(Q_HOME + 0.5, np.zeros(7), 0.08, 40.0)
     station.advance(0.3)
@@ -41,7 +42,7 @@ def test_a_commanded_jump_is_seen_as_too_fast() -> None:
 
 
 def test_a_hand_in_the_table_is_seen() -> None:
-    station = Station(objects=[load_mug("test_004").body])
+    station = Station(STATION, [load_mug("test_004").body])
     log = LimitLog(station, Truth(station))
     station.advance(0.02)
     assert log.peaks.fixture_depth_m == 0.0

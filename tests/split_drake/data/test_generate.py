@@ -33,12 +33,12 @@ from split_drake.data.grasp_candidates import GraspCandidates
 from split_drake.data.labels import FixedPoses, PoseLabels, PoseState
 from split_drake.data.object_scenes import NO_FEATURE
 from split_drake.data.randomization import DomainRandomization
-from split_drake.data.rests import load_rests
+from split_drake.data.rests import Rests, load_rests
 from split_drake.experiments.run import AnotherRunError
 from split_drake.grasps.store import load_checked_grasps
-from split_drake.objects.mug_source import MugSource
 from split_drake.objects.mugs.split import load_mug
 from split_drake.objects.rigid import Primitive, RigidObject
+from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.objects.task_object import TaskObject
 from split_drake.pose_task import (
     GRASP,
@@ -51,7 +51,7 @@ from split_drake.pose_task import (
 )
 from split_drake.poses import check_poses, make_pose
 from split_drake.scene import Workspace
-from split_drake.station.layout import Layout
+from split_drake.station.layout import Layout, same_fixtures
 from tests.helpers.data import make_checked, make_rests
 
 NAMES = ("test_002", "test_007")
@@ -111,7 +111,7 @@ def test_dataset_has_all_scenes(dataset: SceneDataset) -> None:
     scenes, grasps = SCENES * len(NAMES), dataset.labels["grasp"]
     candidates = grasps.X_OPs.shape[1]
     assert len(dataset) == scenes
-    assert dataset.object_names == NAMES
+    assert dataset.shard_names == NAMES
     assert dataset.object_index.tolist() == [0] * SCENES + [1] * SCENES
     expected = {
         "clouds": ((scenes, 2000, 3), np.float32),
@@ -296,7 +296,7 @@ def test_the_command_s_mugs_have_the_rests_and_grasps_that_ship(tmp_path: Path) 
     assert set(recipe.made_from) == {"mugs", "grasps", "rests"}
     mug, rng = load_mug(NAMES[0]), np.random.default_rng(0)
     shipped = load_rests("test", NAMES[0])
-    assert np.array_equal(recipe.make_rests(mug).X_TOs, shipped.X_TOs)
+    assert np.array_equal(recipe.make_rests(mug, Layout()).X_TOs, shipped.X_TOs)
     checked = load_checked_grasps("test", NAMES[0])
     grasps, handles = (recipe.make_labels(mug, task, rng) for task in (GRASP, HANDLE))
     assert np.array_equal(grasps.X_OPs[: len(checked)], checked.X_OGs)
@@ -342,7 +342,7 @@ def test_an_object_with_a_task_of_its_own_has_scenes_too(tmp_path: Path) -> None
     generate(recipe, tmp_path, workers=1)
     dataset = SceneDataset.open(tmp_path)
     assert dataset.tasks == tasks
-    assert dataset.object_names == ("cylinder",)
+    assert dataset.shard_names == ("cylinder",)
     assert dataset.feature_points.tolist() == [NO_FEATURE] * 2
     assert json.loads((tmp_path / MANIFEST).read_text())["hidden_feature_share"] == 0.0
     assert np.array_equal(dataset.labels["axis"].X_OPs[0, 0], np.eye(4))
@@ -368,3 +368,32 @@ def test_damaged_datasets_are_refused(folder: Path, tmp_path: Path) -> None:
         (tmp_path / f"{name}.npz").write_bytes((folder / f"{name}.npz").read_bytes()[:-1] + b"x")
     with pytest.raises(DatasetError, match="has changed: SHA-256"):
         SceneDataset.open(tmp_path)
+
+
+def test_a_dataset_says_where_table_hook_and_cameras_stand(tmp_path: Path) -> None:
+    layout = replace(Layout(), X_WK=make_pose(p=(0.4, -0.3, 0.5)), p_WTable=(0.6, 0.01))
+    asked: list[Layout] = []
+
+    def rests(subject: TaskObject, on: Layout) -> Rests:
+        asked.append(on)
+        return make_rests(subject)
+
+    recipe = DatasetRecipe(OneCylinder(), (AXIS,), layout, rests, scenes_per_object=1)
+    generate(recipe, tmp_path, workers=1)
+    read = SceneDataset.open(tmp_path).layout
+    assert same_fixtures(read, layout)
+    assert read.workspace == layout.workspace
+    for camera, expected in zip(read.cameras, layout.cameras, strict=True):
+        assert (camera.name, camera.intrinsics) == (expected.name, expected.intrinsics)
+        assert np.array_equal(camera.X_WC, expected.X_WC)
+    assert asked == [layout]
+
+
+def test_scenes_of_other_functions_are_not_mixed(tmp_path: Path) -> None:
+    def other_rests(subject: TaskObject, layout: Layout) -> Rests:
+        return make_rests(subject, layout)
+
+    recipe = DatasetRecipe(OneCylinder(), (AXIS,), Layout(), make_rests, scenes_per_object=1)
+    generate(recipe, tmp_path, workers=1)
+    with pytest.raises(AnotherRunError, match="make_rests"):
+        generate(replace(recipe, make_rests=other_rests), tmp_path, workers=1)

@@ -7,9 +7,9 @@ import trimesh
 from split_drake.data.rests import RestsError, load_rests, settle
 from split_drake.objects.mugs.split import load_mug
 from split_drake.objects.rigid import Primitive, RigidObject
-from split_drake.station.config import StationConfig
 from split_drake.truth.rest import axis_tilt_rad
 from split_drake.truth.starts import UPSIDE_DOWN_RAD
+from tests.helpers.stations import STATION
 
 
 def test_dropped_box_lies_on_one_of_its_faces() -> None:
@@ -18,7 +18,7 @@ def test_dropped_box_lies_on_one_of_its_faces() -> None:
     inertia = mesh.moment_inertia * 0.2 / mesh.volume
     pieces = (Primitive("box", size, np.eye(4)),)
     box = RigidObject("box", mesh, 0.2, np.zeros(3), inertia, pieces)
-    rests = settle(box, 3, np.random.default_rng(0), StationConfig())
+    rests = settle(box, 3, np.random.default_rng(0), STATION)
     assert rests.dropped >= len(rests.X_TOs) == 3
     np.testing.assert_allclose(rests.X_TOs[:, 2, 3], 0.03, atol=1e-3)
     flat = np.abs(rests.X_TOs[:, 2, :3]).max(axis=1)

@@ -1,6 +1,7 @@
 """The evaluation's command: its options, and what it refuses."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from split_drake.evaluation import evaluate as evaluate_module
 from split_drake.evaluation import scenes as eval_scenes
 from split_drake.evaluation.evaluate import (
     EvaluateConfig,
@@ -19,8 +21,8 @@ from split_drake.evaluation.evaluate import (
 )
 from split_drake.evaluation.evaluation import Evaluation
 from split_drake.evaluation.scenes import EvalMugs, EvalOptions
-from split_drake.objects.mug_source import MugSource
 from split_drake.objects.mugs.split import load_mug
+from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
 from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, default_weights, load_checkpoint
@@ -128,6 +130,16 @@ def test_figures_on_mugs_of_the_training_are_refused(tmp_path: Path) -> None:
     require_unseen("test")
     with pytest.raises(SystemExit, match="--allow-training-data"):
         main(EvaluateConfig(out=tmp_path / "out", mugs="train", scenes=1))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_checkpoint_of_tasks_that_mugs_lack_is_refused_in_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of_lids = replace(info(), tasks=(GRASP, PoseTask("lid")))
+    monkeypatch.setattr(evaluate_module, "load_checkpoint", lambda _: (None, of_lids))
+    with pytest.raises(SystemExit, match=r"^test_000 has no poses of 'lid'; it has those of"):
+        main(EvaluateConfig(out=tmp_path / "out", scenes=1))
     assert not (tmp_path / "out").exists()
 
 

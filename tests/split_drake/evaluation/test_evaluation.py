@@ -14,7 +14,8 @@ from split_drake.data.object_scenes import NO_FEATURE
 from split_drake.evaluation import evaluation as evaluation_module
 from split_drake.evaluation.evaluation import Evaluation, evaluate, evaluation_run
 from split_drake.evaluation.examiner import Examiner
-from split_drake.evaluation.record import SceneRecord
+from split_drake.evaluation.plots import plot_errors, plot_reliability
+from split_drake.evaluation.record import SceneRecord, Scored, TaskRecord
 from split_drake.evaluation.scenes import EvalMugs, EvalOptions, EvalSubject
 from split_drake.evaluation.summary import (
     calibration_table,
@@ -25,9 +26,17 @@ from split_drake.evaluation.summary import (
     summarize,
 )
 from split_drake.experiments.run import AnotherRunError, json_line
-from split_drake.objects.mug_source import MugSource
+from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.pose_set import PoseSet, ScoredPoses, accepted_poses
-from split_drake.pose_task import GRASP, HANDLE, MUG_TASKS, PoseTask, find_tasks
+from split_drake.pose_task import (
+    GRASP,
+    HANDLE,
+    MUG_TASKS,
+    PoseTask,
+    Symmetry,
+    UnknownTaskError,
+    find_tasks,
+)
 from split_drake.poses import make_pose
 from split_drake.scene import Scene
 from split_drake.station.layout import Layout
@@ -155,22 +164,22 @@ def test_figures_are_split_by_whether_the_handle_shows() -> None:
     records = [scene_record(0), scene_record(1, good=False), scene_record(2, feature_points=29)]
     metrics = summarize(records, NAMES)
     assert metrics["scenes"] == {"all": 3, "visible": 2, "hidden": 1}
-    for task in NAMES:
-        shares = {group: f["share"] for group, f in metrics[task]["top_good"].items()}
+    for figures in (metrics["tasks"][name] for name in NAMES):
+        shares = {group: f["share"] for group, f in figures["top_good"].items()}
         assert shares == {"all": pytest.approx(2 / 3), "visible": 0.5, "hidden": 1.0}
-        assert metrics[task]["median_position_mm"] == {"all": 2.0, "visible": 1.5, "hidden": 3.0}
-        assert metrics[task]["samples_good"]["all"] == {"share": 1 / 3, "hits": 2, "of": 6}
-        assert metrics[task]["calibration"]["samples"] == 6
-        assert metrics[task]["calibration"]["auc"] == pytest.approx(7 / 8)
-        assert metrics[task]["calibration_in_physics"] is None
+        assert figures["median_position_mm"] == {"all": 2.0, "visible": 1.5, "hidden": 3.0}
+        assert figures["samples_good"]["all"] == {"share": 1 / 3, "hits": 2, "of": 6}
+        assert figures["calibration"]["samples"] == 6
+        assert figures["calibration"]["auc"] == pytest.approx(7 / 8)
+        assert figures["calibration_in_physics"] is None
     assert metrics["by_subject"]["mug_0"]["handle"]["top_good"]["all"]["scenes"] == 2
     assert json.loads(json.dumps(metrics)) == metrics
 
 
 def test_groups_without_scenes_have_no_figures() -> None:
     metrics = summarize([scene_record(0)], NAMES)
-    assert metrics["handle"]["top_good"]["hidden"] is None
-    assert metrics["handle"]["median_position_mm"]["hidden"] is None
+    assert metrics["tasks"]["handle"]["top_good"]["hidden"] is None
+    assert metrics["tasks"]["handle"]["median_position_mm"]["hidden"] is None
     assert metrics_table(metrics, NAMES).row_count == 3 * 5
     assert calibration_table(metrics, NAMES).row_count == 3
 
@@ -264,7 +273,7 @@ def test_the_main_figures_of_each_object_have_a_table() -> None:
     checks = ("top_good", "peg_clear_axis", "axis_good")
     for figures in metrics["by_subject"]["mug_0"].values():
         figures.update(dict.fromkeys(checks, figures["top_good"]))
-    table = subjects_table(metrics, NAMES)
+    table = subjects_table(metrics, MUG_TASKS)
     assert table.row_count == 1
     assert [column.header for column in table.columns] == [
         "object",
@@ -275,7 +284,62 @@ def test_the_main_figures_of_each_object_have_a_table() -> None:
     ]
 
 
-def test_tasks_that_are_judged_by_nothing_else_have_their_good_poses_in_the_table() -> None:
-    lid = replace(scene_record(0), tasks={"lid": scene_record(0).tasks["grasp"]})
-    table = subjects_table(summarize([lid], ("lid",)), ("lid",))
-    assert [column.header for column in table.columns] == ["object", "lid top_good, all"]
+def record_of(task: PoseTask) -> SceneRecord:
+    """Return a record of one task alone."""
+    return replace(scene_record(0), tasks={task.name: scene_record(0).tasks["grasp"]})
+
+
+@pytest.mark.parametrize("task", [PoseTask("lid"), PoseTask("handle", Symmetry.any_turn("z"))])
+def test_tasks_that_are_judged_by_nothing_else_have_their_good_poses_in_the_table(
+    task: PoseTask,
+) -> None:
+    table = subjects_table(summarize([record_of(task)], (task.name,)), (task,))
+    assert [column.header for column in table.columns] == ["object", f"{task} top_good, all"]
+
+
+def test_what_an_object_is_not_judged_by_is_a_dash_in_the_table() -> None:
+    table = subjects_table(summarize([record_of(HANDLE)], ("handle",)), (HANDLE,))
+    good, clear = (str(cell) for column in table.columns[1:] for cell in column.cells)
+    assert (good[:6], clear) == ("100.0%", "-")
+
+
+NAMES_OF_FIGURES = ("scenes", "tasks", "seed", "detector", "noise_m", "by_subject", "question")
+
+
+def test_tasks_may_be_called_as_figures_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tasks = tuple(map(PoseTask, NAMES_OF_FIGURES))
+    record = replace(
+        scene_record(0), tasks=dict.fromkeys(NAMES_OF_FIGURES, scene_record(0).tasks["grasp"])
+    )
+    monkeypatch.setattr(evaluation_module, "_examine_all", lambda *_: iter([record]))
+    monkeypatch.setattr(Evaluation, "require_true_poses", lambda _: None)
+    asked = replace(evaluation_of(scenes=1, seed=7), tasks=tasks)
+    metrics = evaluate(asked, tmp_path, 1, QUIET)
+    assert tuple(metrics["tasks"]) == NAMES_OF_FIGURES
+    assert metrics["scenes"]["all"] == 1
+    assert metrics["question"] == asked.question()
+    assert metrics_table(metrics, NAMES_OF_FIGURES).row_count == 5 * len(tasks)
+    assert calibration_table(metrics, NAMES_OF_FIGURES).row_count == len(tasks)
+
+
+def test_objects_without_poses_of_a_task_are_refused_before_any_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(evaluation_module, "_examine_all", examine_by_hand(stop_before=0))
+    asked = replace(evaluation_of(scenes=1), tasks=(GRASP, PoseTask("lid")))
+    with pytest.raises(UnknownTaskError, match=r"^test_000 has no poses of 'lid'; it has .*handle"):
+        evaluate(asked, tmp_path / "out", 1, QUIET)
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(KilledError):
+        evaluate(replace(asked, tasks=(GRASP,)), tmp_path / "out", 1, QUIET)
+
+
+@pytest.mark.filterwarnings("error")
+def test_nothing_found_is_drawn_without_a_warning(tmp_path: Path) -> None:
+    nothing = TaskRecord({"top_good": False}, {"accepted": 0.0}, {}, Scored((), ""))
+    record = replace(scene_record(0), tasks={"grasp": nothing})
+    plot_reliability(summarize([record], ("grasp",)), ("grasp",), tmp_path / "reliability.png")
+    plot_errors([record], ("grasp",), tmp_path / "errors.png")
+    assert (tmp_path / "reliability.png").exists() and (tmp_path / "errors.png").exists()

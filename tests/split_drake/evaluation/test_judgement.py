@@ -45,6 +45,7 @@ def test_poses_are_compared_with_the_nearest_true_one_up_to_their_symmetry() -> 
     assert as_they_are.rotation_rad == pytest.approx([2.0, 2.0])
     round_ones = judge_poses(X_WPs, X_WTruths, Symmetry.any_turn("z"))
     assert round_ones.good.all()
+    assert round_ones.nearest.tolist() == [0, 1]
     assert round_ones.position_m == pytest.approx([0.001, 0.001])
     assert round_ones.rotation_rad == pytest.approx([0.0, 0.0], abs=1e-6)
     assert not judge_poses(X_WPs, X_WTruths, Symmetry.any_turn("x")).good.any()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from split_drake.data.object_scenes import NO_FEATURE, ObjectScene
+from split_drake.evaluation.judges import record_task, require_true_poses
 from split_drake.evaluation.scenes import EvalSubject
 from split_drake.evaluation.task_records import (
     TRIED_GRASPS,
@@ -14,7 +15,6 @@ from split_drake.evaluation.task_records import (
     Ranking,
     record_grasps,
     record_handles,
-    record_task,
     record_uprights,
 )
 from split_drake.grasps.free_hand import GraspOutcome
@@ -212,6 +212,35 @@ def test_what_has_no_handle_to_hang_by_is_tried_with_no_peg(jar: EvalSubject) ->
     record = record_task(asked.of(HANDLE, rank(asked.true(HANDLE))))
     assert record.checks == {"top_good": True}
     assert record.tallies["samples_good"] == (2, 2)
+
+
+def two_ways(mug: EvalSubject, task: PoseTask, X_PQ: Array) -> EvalSubject:
+    """Return the body with a second true pose of a task, at X_PQ (4, 4) of the first."""
+    (X_OP,) = mug.shape.poses_of(task)
+    return standing(replace(mug.shape, X_OPs={task: np.stack([X_OP, X_OP @ X_PQ])}))
+
+
+def test_an_upright_pose_is_compared_with_the_nearest_true_one(mug: EvalSubject) -> None:
+    overturned = two_ways(mug, UPRIGHT, make_pose(rotation_x(np.pi), (0.0, 0.0, 0.1)))
+    asked = Asked(overturned, overturned.draw(np.random.default_rng(0)))
+    record = record_task(asked.of(UPRIGHT, rank(asked.true(UPRIGHT)[1:])))
+    assert record.checks == {"top_good": True, "axis_good": True, "axis_yaw_good": True}
+    assert record.values["axis_deg"] == pytest.approx(0.0, abs=1e-4)
+    assert record.values["yaw_deg"] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_handle_pose_is_compared_with_the_nearest_true_one(mug: EvalSubject) -> None:
+    askew = two_ways(mug, HANDLE, make_pose(rotation_z(1.0), (0.05, 0.0, 0.0)))
+    asked = Asked(askew, askew.draw(np.random.default_rng(0)))
+    record = record_task(asked.of(HANDLE, rank(asked.true(HANDLE)[1:2])))
+    assert record.checks["top_good"]
+    assert record.values["axis_deg"] == pytest.approx(0.0, abs=1e-4)
+
+
+def test_true_poses_are_required_of_what_is_judged_by_them(jar: EvalSubject) -> None:
+    require_true_poses((GRASP, LID, HANDLE), jar.shape)
+    with pytest.raises(UnknownTaskError, match="has no poses of 'upright'; it has those of lid, h"):
+        require_true_poses((LID, UPRIGHT), jar.shape)
 
 
 def test_without_known_true_grasps_there_is_no_coverage(asked: Asked, jar: EvalSubject) -> None:

@@ -109,3 +109,15 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
 def test_no_workers_is_an_error() -> None:
     with pytest.raises(ValueError, match="workers is 0"):
         WorkerPool(square_or_die, 0, crashed)
+
+
+def fail_to_start(marks: Path) -> None:
+    mark_start(marks)
+    raise ValueError("my detector's weights are missing")
+
+
+def test_what_keeps_workers_from_starting_is_raised_at_once(tmp_path: Path) -> None:
+    pool = WorkerPool(square_or_die, 2, crashed, start_worker=partial(fail_to_start, tmp_path))
+    with pytest.raises(ValueError, match="my detector's weights are missing"):
+        list(pool.run(range(20)))
+    assert len(list(tmp_path.iterdir())) <= 2

@@ -9,6 +9,7 @@ import trimesh
 from split_drake.grasps.free_hand import MAX_SLIP_M, FreeHand
 from split_drake.objects.rigid import Primitive, RigidObject
 from split_drake.poses import make_pose, rotation_x, rotation_y
+from tests.helpers.stations import STATION
 
 EDGE_M = 0.04
 LENGTH_M = 0.16
@@ -30,7 +31,7 @@ def bar(mass_kg: float = 0.3) -> RigidObject:
 
 @pytest.fixture(scope="module")
 def hand() -> FreeHand:
-    return FreeHand(bar())
+    return FreeHand(bar(), STATION)
 
 
 def across(z_m: float) -> np.ndarray:
@@ -59,7 +60,7 @@ def test_bar_held_at_its_end_moves_more(hand: FreeHand) -> None:
 
 
 def test_heavy_bar_slips() -> None:
-    hold = FreeHand(bar(mass_kg=6.0)).try_grasp(across(0.06), 0.064)
+    hold = FreeHand(bar(mass_kg=6.0), STATION).try_grasp(across(0.06), 0.064)
     assert not hold.holds
     assert hold.fault in ("slipped", "lost")
 
@@ -107,7 +108,7 @@ def test_slip_counts_only_once_the_hand_is_closed(hand: FreeHand) -> None:
 
 
 def test_mass_is_what_the_hand_feels() -> None:
-    light, heavy = (FreeHand(replace(bar(), mass_kg=mass)) for mass in (0.05, 1.0))
+    light, heavy = (FreeHand(replace(bar(), mass_kg=mass), STATION) for mass in (0.05, 1.0))
     grasp = across(0.05)
     assert heavy.try_grasp(grasp, 0.064).turn_rad > light.try_grasp(grasp, 0.064).turn_rad
 

@@ -16,6 +16,7 @@ from split_drake.grasps.store import (
 )
 from split_drake.objects.mugs.split import Split, load_mug
 from split_drake.poses import make_pose, rotation_z
+from tests.helpers.stations import STATION
 
 
 def grasps() -> CheckedGrasps:
@@ -83,7 +84,7 @@ def test_shipped_grasps_are_well_formed(split: Split, name: str) -> None:
 
 def test_shipped_outcomes_are_those_of_the_free_hand() -> None:
     checked = load_checked_grasps("test", "test_005")
-    hand = FreeHand(load_mug("test_005").body)
+    hand = FreeHand(load_mug("test_005").body, STATION)
     for number in (0, 1, 2, 3):
         hold = hand.try_grasp(checked.X_OGs[number], checked.openings_m[number])
         assert hold.holds == checked.holds[number]

@@ -15,9 +15,10 @@ from scenarios.trials.mug_check import check_mugs, read_grasps
 from scenarios.trials.records import trial_run
 from split_drake.experiments.provenance import file_sha256
 from split_drake.objects.mug_shape import InvalidMugError
-from split_drake.objects.mug_source import MugSource
 from split_drake.objects.mugs.split import load_mug
+from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.poses import make_pose, rotation_z
+from tests.helpers.stations import STATION
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +69,9 @@ def test_what_is_no_mug_is_refused_before_any_trial(folder: Path, tmp_path: Path
 def test_bodies_that_the_station_has_already_are_refused(tmp_path: Path) -> None:
     load_mug("test_004").body.mesh.export(tmp_path / "table.stl")
     with pytest.raises(InvalidMugError, match=r"table.*expected one that is not taken"):
-        check_mugs(MugSource(str(tmp_path)), tmp_path / "out", False, 1, Console(quiet=True))
+        check_mugs(
+            MugSource(str(tmp_path)), tmp_path / "out", False, STATION, 1, Console(quiet=True)
+        )
 
 
 def test_a_trial_with_a_mug_from_a_file(folder: Path, tmp_path: Path) -> None:

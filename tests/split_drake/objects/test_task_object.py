@@ -1,5 +1,8 @@
 """Objects and where the poses of their tasks are."""
 
+from dataclasses import replace
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -58,3 +61,15 @@ def test_an_object_of_no_task_has_no_poses_and_no_feature() -> None:
 def test_tasks_without_poses_are_refused_and_those_known_named() -> None:
     with pytest.raises(UnknownTaskError, match=r"grasp.*it has those of handle, upright"):
         load_mug("test_000").true_poses(GRASP, X_WO)
+
+
+def test_objects_have_draws_of_their_own_whatever_set_they_are_in() -> None:
+    body = load_mug("test_003").body
+    assert load_mug("test_003").seed == (3, 1)
+    assert load_mug("train_003").seed == (3, 0)
+    ones = [
+        TaskObject(body=replace(body, name=name), split=split)
+        for name, split in product(("one", "two"), ("", "validation"))
+    ]
+    assert len({one.seed for one in ones}) == 4
+    assert ones[0].seed == TaskObject(body=replace(body, name="one"), number=7).seed

@@ -27,6 +27,7 @@ from split_drake.robot.panda import (
 )
 from split_drake.scene import EmptySceneError, Scene, Workspace
 from split_drake.station.station import Station
+from tests.helpers.stations import STATION
 
 # (a, alpha, d) of the published modified Denavit-Hartenberg parameters.
 DH = (
@@ -157,7 +158,7 @@ def test_self_collision_is_noticed(model: Model) -> None:
 
 def test_arm_at_home_is_invisible_in_the_workspace() -> None:
     with pytest.raises(EmptySceneError):
-        Scene.from_views(Station().capture(), Workspace())
+        Scene.from_views(Station(STATION).capture(), Workspace())
 
 
 @pytest.mark.parametrize(("q", "opening_m"), [(np.zeros(6), 0.04), (np.zeros(7), 0.09)])

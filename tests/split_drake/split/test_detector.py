@@ -371,3 +371,35 @@ def test_the_weights_of_the_project_tell_what_they_reached() -> None:
     assert not info.commit.endswith("-dirty")
     for task in MUG_TASKS:
         assert info.metrics[task.name]["top_good"]["all"]["share"] > 0.9
+
+
+def test_a_checkpoint_that_does_not_say_its_workspace_has_that_of_its_grid(
+    checkpoint: Path, tmp_path: Path
+) -> None:
+    network, info = load_checkpoint(checkpoint)
+    config = replace(network.config, edge_m=0.4, table_m=0.1)
+    larger = SplitNetwork(config, network.tasks)
+    workspace = Workspace(edge_m=0.4, depth_below_m=0.1)
+    path = tmp_path / "larger.safetensors"
+    save_checkpoint(path, larger, replace(info, config=config, workspace=workspace))
+    with safe_open(path, framework="pt") as file:
+        metadata = file.metadata()
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    old = json.loads(metadata["info"])
+    del old["workspace"], old["tasks"]
+    save_file(tensors, path, metadata | {"info": json.dumps(old)})
+    assert load_checkpoint(path)[1].workspace == replace(
+        FIRST_WORKSPACE, edge_m=0.4, depth_below_m=0.1
+    )
+
+
+def test_a_workspace_that_is_not_the_grids_cube_is_refused(
+    checkpoint: Path, network: SplitNetwork
+) -> None:
+    _, info = load_checkpoint(checkpoint)
+    other = replace(info.workspace, edge_m=2.0)
+    message = r"edge_m=.* the workspace has edge_m=2\.0 .*expected the same"
+    with pytest.raises(ValueError, match=message):
+        save_checkpoint(checkpoint, network, replace(info, workspace=other))
+    with pytest.raises(ValueError, match=message):
+        SplitDetector(network, other)

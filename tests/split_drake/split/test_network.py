@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask, Symmetry
+from split_drake.pose_task import GRASP, MUG_TASKS, UPRIGHT, PoseTask, Symmetry
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.context import FeatureTables, in_pose_axes, point_kernel
 from split_drake.split.network import ContextKind, ScoreFrame, SplitConfig, SplitNetwork
@@ -230,3 +230,19 @@ def test_weights_from_before_there_were_variants_are_split() -> None:
 def test_impossible_architectures_are_errors(make: Callable[[], SplitConfig], name: str) -> None:
     with pytest.raises(ValueError, match=name):
         make()
+
+
+def test_weights_of_more_tasks_are_taken_over() -> None:
+    every, some = small_network(), small_network(tasks=(UPRIGHT, GRASP))
+    some.take_over(every)
+    context = torch.randn(2, 3, every.config.context_width)
+    sigma = torch.tensor([0.1, 0.5])
+    of_some, of_every = torch.tensor([0, 1]), torch.tensor([2, 0])
+    assert torch.allclose(
+        some.score(context, of_some, sigma), every.score(context, of_every, sigma), atol=1e-6
+    )
+    assert torch.allclose(
+        some.evaluate(context, of_some), every.evaluate(context, of_every), atol=1e-6
+    )
+    with pytest.raises(ValueError, match="does not know handle"):
+        every.take_over(some)

@@ -1,5 +1,7 @@
 """Who touches what, and how deep, whatever the contact model."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,10 +9,11 @@ import trimesh
 from split_drake.objects.rigid import Primitive, RigidObject
 from split_drake.poses import Array, invert_pose, make_pose, transform_points
 from split_drake.robot.panda import FINGER_BODIES, GRIPPER_FRAME, Q_HOME
-from split_drake.station.config import ContactModel, StationConfig
+from split_drake.station.config import ContactModel
 from split_drake.station.contacts import contacts_of, penetration_m
 from split_drake.station.station import Station
 from split_drake.truth.state import Truth
+from tests.helpers.stations import STATION
 
 EDGE_M = 0.04
 
@@ -28,7 +31,7 @@ def at(x: float, z: float) -> Array:
 
 @pytest.mark.parametrize("model", ["point", "hydroelastic_with_fallback"])
 def test_pads_touch_what_they_hold_on_both_of_its_sides(model: ContactModel) -> None:
-    station = Station(StationConfig(contact_model=model), [cube("held")])
+    station = Station(replace(STATION, contact_model=model), [cube("held")])
     truth = Truth(station)
     station.set_arm(Q_HOME, EDGE_M + 0.001)
     gripper = station.plant.GetFrameByName(GRIPPER_FRAME)
@@ -46,7 +49,7 @@ def test_pads_touch_what_they_hold_on_both_of_its_sides(model: ContactModel) -> 
 
 
 def test_depths_are_those_of_the_deepest_pair_of_the_bodies_named() -> None:
-    station = Station(objects=[cube("one"), cube("two"), cube("three")])
+    station = Station(STATION, [cube("one"), cube("two"), cube("three")])
     plant, context = station.plant, station.plant_context
     for index, X_WO in enumerate((at(0.5, 0.2), at(0.5, 0.2 + EDGE_M - 0.003), at(0.5, 0.5))):
         station.place_object(index, X_WO)
@@ -63,7 +66,7 @@ def test_depths_are_those_of_the_deepest_pair_of_the_bodies_named() -> None:
 
 
 def test_contacts_are_those_of_one_body_and_name_the_other() -> None:
-    station = Station(objects=[cube("lower"), cube("upper")])
+    station = Station(STATION, [cube("lower"), cube("upper")])
     station.place_object(0, at(0.5, EDGE_M / 2.0))
     station.place_object(1, at(0.5, 1.5 * EDGE_M))
     station.advance(0.1)

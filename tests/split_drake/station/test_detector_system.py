@@ -11,10 +11,10 @@ from split_drake.pose_set import PoseSet
 from split_drake.pose_task import HANDLE, MUG_TASKS, PoseTask, find_tasks
 from split_drake.poses import make_pose
 from split_drake.scene import EmptySceneError, Scene
-from split_drake.station.config import StationConfig
 from split_drake.station.detector_system import PoseDetectorSystem
 from split_drake.station.layout import Layout
 from split_drake.station.station import Station
+from tests.helpers.stations import STATION
 
 
 class MiddleDetector:
@@ -38,7 +38,7 @@ def mug() -> MugShape:
 
 
 def _station(mug: MugShape, detector: MiddleDetector, noise_m: float = 0.0) -> Station:
-    config = StationConfig()
+    config = STATION
     system = PoseDetectorSystem(detector, (HANDLE,), config.layout, noise_m, seed=3)
     return Station(config, [mug.body], detector_system=system)
 

@@ -17,8 +17,10 @@ from split_drake.robot.gripper import MAX_FORCE_N, MAX_OPENING_M
 from split_drake.robot.panda import GRIPPER_FRAME, Q_HOME
 from split_drake.station.config import StationConfig
 from split_drake.station.egl import RenderingUnavailableError, check_rendering
+from split_drake.station.layout import Layout
 from split_drake.station.station import Station
 from split_drake.truth.state import Truth
+from tests.helpers.stations import STATION
 
 
 def make_box(edge_m: float = 0.04, mass_kg: float = 0.3, name: str = "box") -> RigidObject:
@@ -44,7 +46,7 @@ def _hold(station: Station, box_opening_m: float, force_n: float) -> None:
 
 
 def test_arm_tracks_a_smooth_move_within_5_mrad() -> None:
-    station = Station()
+    station = Station(STATION)
     step, amplitude = np.array([0.5, 0.3, -0.4, 0.5, 0.5, 0.4, -0.6]), np.pi / 1.2
     phases = amplitude * np.arange(0.0, 1.2, 0.01)
     qs = Q_HOME + step * (1.0 - np.cos(phases))[:, None] / 2.0
@@ -60,7 +62,7 @@ def test_arm_tracks_a_smooth_move_within_5_mrad() -> None:
 
 @pytest.mark.parametrize("opening_m", [0.0, 0.03])
 def test_opening_is_in_metres_between_the_pads(opening_m: float) -> None:
-    station = Station()
+    station = Station(STATION)
     station.command(Q_HOME, np.zeros(7), opening_m, MAX_FORCE_N)
     station.advance(1.0)
     assert station.opening_m == pytest.approx(opening_m, abs=5e-4)
@@ -69,7 +71,7 @@ def test_opening_is_in_metres_between_the_pads(opening_m: float) -> None:
 @pytest.mark.parametrize("force_n", [8.0, 40.0])
 def test_squeezing_presses_with_the_force_asked_for(force_n: float) -> None:
     box = make_box()
-    station = Station(objects=[box])
+    station = Station(STATION, [box])
     truth = Truth(station)
     _hold(station, 0.041, force_n)
     station.advance(0.6)
@@ -82,7 +84,7 @@ def test_squeezing_presses_with_the_force_asked_for(force_n: float) -> None:
 
 def test_joint_torques_show_the_weight_that_is_held() -> None:
     box = make_box(mass_kg=0.4)
-    station = Station(objects=[box])
+    station = Station(STATION, [box])
     _hold(station, 0.041, MAX_FORCE_N)
     station.advance(0.8)
     lever_m = station.plant.GetFrameByName(GRIPPER_FRAME).CalcPoseInWorld(station.plant_context)
@@ -92,7 +94,7 @@ def test_joint_torques_show_the_weight_that_is_held() -> None:
 
 
 def test_depth_of_the_table_is_the_cameras_height() -> None:
-    top, side = Station().capture()
+    top, side = Station(STATION).capture()
     assert np.median(np.abs(top.depth_m - 0.6)) < 1e-3
     assert np.abs(top.points()[:, 2]).max() < 1e-3
     points = side.points()
@@ -102,7 +104,7 @@ def test_depth_of_the_table_is_the_cameras_height() -> None:
 
 
 def test_depth_agrees_with_the_training_renderer(mug: MugShape) -> None:
-    station = Station(objects=[mug.body])
+    station = Station(STATION, [mug.body])
     R_WO = rotation_z(0.7) @ rotation_x(1.2) @ rotation_y(0.4)
     X_WO = make_pose(R_WO, (0.5, 0.01, 0.08))
     station.place_object(0, X_WO)
@@ -132,7 +134,7 @@ def _assert_same_depth(actual: DepthView, expected: DepthView, edge_m: float) ->
 def test_same_start_gives_the_same_motion(mug: MugShape) -> None:
     poses = []
     for _ in range(2):
-        station = Station(objects=[mug.body])
+        station = Station(STATION, [mug.body])
         station.place_object(0, make_pose(rotation_x(1.0), (0.5, 0.0, 0.1)))
         station.advance(0.5)
         poses.append(Truth(station).X_WO())
@@ -141,7 +143,7 @@ def test_same_start_gives_the_same_motion(mug: MugShape) -> None:
 
 
 def test_commands_move_on_at_their_velocity_for_one_period() -> None:
-    station = Station()
+    station = Station(STATION)
     v = np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     system = station.diagram.GetSubsystemByName("command")
     desired = system.GetOutputPort("desired_state")
@@ -154,7 +156,7 @@ def test_commands_move_on_at_their_velocity_for_one_period() -> None:
 
 
 def test_several_objects_stand_apart_by_default() -> None:
-    station = Station(objects=[make_box(name="left"), make_box(name="right")])
+    station = Station(STATION, [make_box(name="left"), make_box(name="right")])
     station.advance(0.2)
     truth = Truth(station)
     assert {*truth.touching(0), *truth.touching(1)} == {"table"}
@@ -162,7 +164,7 @@ def test_several_objects_stand_apart_by_default() -> None:
 
 
 def test_diagram_has_the_documented_ports_and_can_be_drawn() -> None:
-    station = Station()
+    station = Station(STATION)
     for name in ("arm", "gripper"):
         assert station.diagram.HasInputPort(name)
     for name in ("camera_top.depth_image", "camera_side.depth_image", "panda_state"):
@@ -179,9 +181,9 @@ def test_missing_egl_names_the_packages_to_install() -> None:
 @pytest.mark.parametrize(
     ("name", "make"),
     [
-        ("friction", lambda: StationConfig(friction=0.0)),
-        ("time_step_s", lambda: StationConfig(time_step_s=-0.1)),
-        ("arm_kp_nm_per_rad", lambda: StationConfig(arm_kp_nm_per_rad=(1.0, 2.0))),
+        ("friction", lambda: StationConfig(Layout(), friction=0.0)),
+        ("time_step_s", lambda: StationConfig(Layout(), time_step_s=-0.1)),
+        ("arm_kp_nm_per_rad", lambda: StationConfig(Layout(), arm_kp_nm_per_rad=(1.0, 2.0))),
     ],
 )
 def test_config_names_the_impossible_value(name: str, make: Callable[[], StationConfig]) -> None:
@@ -200,7 +202,7 @@ def test_config_names_the_impossible_value(name: str, make: Callable[[], Station
     ],
 )
 def test_impossible_commands_are_refused(q: Array, opening_m: float, force_n: float) -> None:
-    station = Station()
+    station = Station(STATION)
     with pytest.raises(ValueError, match="expected"):
         station.command(q, np.zeros(7), opening_m, force_n)
 
@@ -208,4 +210,4 @@ def test_impossible_commands_are_refused(q: Array, opening_m: float, force_n: fl
 @pytest.mark.parametrize("names", [("cup", "cup"), ("table",), ("panda_hand",)])
 def test_object_names_must_be_free(names: tuple[str, ...]) -> None:
     with pytest.raises(ValueError, match="name"):
-        Station(objects=[make_box(name=name) for name in names])
+        Station(STATION, [make_box(name=name) for name in names])

@@ -169,8 +169,11 @@ def stand_in_metrics(evaluation: Evaluation, out: Path, *_: object) -> dict[str,
     scenes = evaluation.scenes
     share = {"share": 0.5, "hits": scenes // 2, "scenes": scenes, "wilson95": [0.41, 0.59]}
     figures = {"top_good": {"all": share}, "samples_good": {"all": {"share": 0.25}}}
-    metrics: dict[str, Any] = {task.name: figures for task in MUG_TASKS}
-    metrics |= {"detector": evaluation.detector, "by_subject": {}}
+    metrics = {
+        "tasks": {task.name: figures for task in MUG_TASKS},
+        "question": {"detector": evaluation.detector},
+        "by_subject": {},
+    }
     out.mkdir(parents=True, exist_ok=True)
     (out / "metrics.json").write_text(json.dumps(metrics))
     return metrics
@@ -213,7 +216,7 @@ def test_rows_say_what_they_cost_and_what_they_reach(config: AblateConfig) -> No
     spared = 2 * 2 * NETWORK.condition_width
     assert three["parameters"] == 3 * (one["parameters"] - spared)
     assert rows["without evaluator", 0.005]["parameters"] == one["parameters"]
-    assert one["metrics"]["handle"]["top_good"]["all"]["hits"] == 50
+    assert one["metrics"]["tasks"]["handle"]["top_good"]["all"]["hits"] == 50
     table = (config.out / "ablations.md").read_text().splitlines()
     assert len(table) == 2 + 5
     assert "| 50.0% [41.0, 59.0] |" in table[2]
@@ -262,6 +265,9 @@ def test_only_the_report_can_be_made_again(
     weights = config.out / "models" / "full" / "split.safetensors"
     weights.write_bytes((config.out / "models/global_latent/split.safetensors").read_bytes())
     with pytest.raises(SystemExit, match="of other weights"):
+        run(report_only)
+    (config.out / "evaluations" / "full_5mm" / "metrics.json").write_text('{"detector": {}}')
+    with pytest.raises(SystemExit, match=r"full_5mm/metrics.json is of .* an older format"):
         run(report_only)
 
 

@@ -69,7 +69,8 @@ def test_all_samplers_are_measured_and_reported(
         asked.append(detector)
         share = {"all": {"share": 1.0 - 1.0 / detector["evaluations"]}}
         task = {"top_good": share, "samples_good": share, "coverage": share}
-        return {name.name: task for name in evaluation.tasks} | {"median_detect_s": 0.1}
+        of_tasks = {asked_for.name: task for asked_for in evaluation.tasks}
+        return {"tasks": of_tasks, "median_detect_s": 0.1}
 
     monkeypatch.setattr(sampler_study, "evaluate", evaluate)
     main(StudyConfig(out=tmp_path))

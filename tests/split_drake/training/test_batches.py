@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+import tyro
 
 from split_drake.data.dataset import TaskLabels
 from split_drake.data.labels import PoseState
@@ -15,7 +16,7 @@ from split_drake.scene import Workspace, occupancy_grid
 from split_drake.split.diffusion import displacement, move
 from split_drake.split.network import SplitConfig
 from split_drake.training import augmentation
-from split_drake.training.augmentation import AugmentationConfig
+from split_drake.training.augmentation import AugmentationConfig, misjudge_range
 from split_drake.training.batches import BatchConfig, TrainingBatch, draw_batch
 from split_drake.training.training_scenes import TrainingScenes
 from tests.helpers.training import (
@@ -186,7 +187,14 @@ def test_batches_hold_what_their_description_says() -> None:
 
 
 def test_tasks_may_be_left_out() -> None:
-    config = replace(BATCH, poses_of={"grasp": 0, "upright": 0}, negatives=0)
+    config = replace(
+        BATCH,
+        poses_of=(
+            ("grasp", 0),
+            ("upright", 0),
+        ),
+        negatives=0,
+    )
     batch = draw(config)
     assert config.trained(MUG_TASKS) == (HANDLE,)
     assert [config.count(task) for task in MUG_TASKS] == [0, 8, 0]
@@ -219,7 +227,7 @@ def test_a_task_that_has_no_number_of_its_own_has_that_of_all() -> None:
     ("make", "message"),
     [
         (lambda: replace(BATCH, poses=6), "poses is 6; .* multiple of poses_per_sigma=4"),
-        (lambda: replace(BATCH, poses_of={"grasp": 6}), "grasp is 6; .* multiple of"),
+        (lambda: replace(BATCH, poses_of=(("grasp", 6),)), "grasp is 6; .* multiple of"),
         (lambda: replace(BATCH, negatives=-4), "negatives is -4; .* multiple of"),
         (lambda: replace(BATCH, scenes=0), "scenes=0"),
         (lambda: replace(BATCH, poses_per_sigma=0), "poses_per_sigma=0; expected 1 or more"),
@@ -253,10 +261,32 @@ def test_batches_depend_on_nothing_but_the_generator() -> None:
 
 def test_target_points_from_the_noisy_pose_to_a_true_one() -> None:
     """Without augmentation a step along the target ends at a pose of the data set."""
-    batch = draw(replace(BATCH, augmentation=STILL, poses_of={"upright": 4}))
+    batch = draw(replace(BATCH, augmentation=STILL, poses_of=(("upright", 4),)))
     noisy = batch.X_VPs[:, : batch.target.shape[1] * 4].unflatten(1, (-1, 4))
     step = batch.sigma[..., None, None] * batch.target
     reached = move(noisy, step, NETWORK.noise.length_m)[:, -1, :, :3, 3]
     assert torch.allclose(reached[..., 2], torch.tensor(NETWORK.table_m), atol=1e-5)
     spread = displacement(noisy[:, -1, :1], noisy[:, -1, 1:2], 0.06).norm(dim=-1)
     assert spread.min() > 1e-3
+
+
+def test_a_misjudged_range_moves_points_along_their_rays() -> None:
+    points = torch.rand(3, 50, 3, generator=seeded())
+    cameras = torch.tensor([[0.15, 0.15, 0.7]] * 3)
+    config = AugmentationConfig(range_scale=0.03)
+    moved = misjudge_range(points, cameras, config, seeded())
+    factors = (moved - cameras[:, None]).norm(dim=-1) / (points - cameras[:, None]).norm(dim=-1)
+    assert torch.allclose(factors, factors[:, :1].expand_as(factors), atol=1e-5)
+    assert factors[:, 0].std() > 0.001
+    assert torch.equal(misjudge_range(points, cameras, AugmentationConfig(), seeded()), points)
+
+
+def test_poses_of_tasks_that_are_not_there_are_an_error() -> None:
+    with pytest.raises(ValueError, match=r"poses_of names 'tpo'; expected one of grasp, handle"):
+        replace(BATCH, poses_of=(("tpo", 8),)).trained(MUG_TASKS)
+
+
+def test_poses_of_a_task_are_set_from_the_command_line() -> None:
+    config = tyro.cli(BatchConfig, args=["--poses-of", "grasp", "32", "handle", "8"])
+    assert [config.count(task) for task in MUG_TASKS] == [32, 8, 24]
+    assert BatchConfig().trained((HANDLE,)) == (HANDLE,)

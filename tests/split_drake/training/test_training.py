@@ -36,7 +36,14 @@ def test_losses_in_bfloat16_agree_with_float32() -> None:
 
 def test_tasks_that_are_left_out_do_not_count() -> None:
     """The others' losses are averaged as if there were no more; their weights get a gradient."""
-    config = replace(BATCH, poses_of={"grasp": 0, "upright": 0}, negatives=0)
+    config = replace(
+        BATCH,
+        poses_of=(
+            ("grasp", 0),
+            ("upright", 0),
+        ),
+        negatives=0,
+    )
     engine = trainer.Trainer(scenes_on_cpu(), NETWORK, config, OPTIMIZER, seed=0, bfloat16=False)
     batch = batches.draw_batch(scenes_on_cpu(), config, NETWORK, torch.Generator().manual_seed(0))
     found = losses.compute_losses(engine.network, batch, bfloat16=False)

@@ -14,6 +14,7 @@ from split_drake.scene import Scene
 from split_drake.station.station import Station
 from split_drake.truth.oracle import OracleDetector
 from split_drake.truth.state import Truth
+from tests.helpers.stations import STATION
 
 X_WO_STANDING = make_pose(rotation_z(0.7), (0.5, 0.03, 0.0))
 
@@ -25,7 +26,7 @@ def mug() -> MugShape:
 
 @pytest.fixture(scope="module")
 def station(mug: MugShape) -> Station:
-    station = Station(objects=[mug.body])
+    station = Station(STATION, [mug.body])
     station.place_object(0, X_WO_STANDING)
     return station
 
@@ -65,7 +66,7 @@ def test_truth_is_what_was_placed(station: Station, mug: MugShape) -> None:
 
 
 def test_free_fall_has_gravitys_velocity_and_no_contact(mug: MugShape) -> None:
-    station = Station(objects=[mug.body])
+    station = Station(STATION, [mug.body])
     station.place_object(0, make_pose(p=(0.5, 0.0, 0.5)))
     station.advance(0.1)
     truth = Truth(station)

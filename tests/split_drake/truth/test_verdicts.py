@@ -23,6 +23,7 @@ from split_drake.truth.starts import (
 )
 from split_drake.truth.state import Truth
 from split_drake.truth.verdicts import hang_verdict, peg_in_opening, reorient_verdict
+from tests.helpers.stations import STATION
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +33,7 @@ def mug() -> MugShape:
 
 @pytest.fixture
 def station(mug: MugShape) -> Station:
-    return Station(objects=[mug.body])
+    return Station(STATION, [mug.body])
 
 
 def hanging_pose(mug: MugShape, layout: Layout, turn_rad: float = 0.0) -> Array:
@@ -128,7 +129,7 @@ def test_starts_lie_in_the_workspace_as_the_scenario_wants(mug: MugShape, statio
 def test_same_seed_draws_the_same_start(mug: MugShape) -> None:
     starts = []
     for _ in range(2):
-        station = Station(objects=[mug.body])
+        station = Station(STATION, [mug.body])
         rng = np.random.default_rng(7)
         starts.append(draw_start(station, Truth(station), rng, reject_for_hang))
     np.testing.assert_array_equal(starts[0].X_WO, starts[1].X_WO)

@@ -84,7 +84,7 @@ def config(tmp_path: Path) -> TuneConfig:
         out=tmp_path / "tuned.safetensors",
         steps=60,
         learning_rate=3e-3,
-        batch=replace(BATCH, poses_of={"grasp": 0}),
+        batch=replace(BATCH, poses_of=(("grasp", 0),)),
     )
 
 
@@ -225,3 +225,16 @@ def test_judging_goes_on_only_where_it_was_the_same(judging: JudgeConfig) -> Non
 def test_impossible_counts_are_an_error(judging: JudgeConfig) -> None:
     with pytest.raises(ValueError, match="samples is 0; expected at least 1"):
         replace(judging, samples=0)
+
+
+def test_files_of_two_workspaces_are_refused(
+    config: TuneConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    moved = replace(judged_posts(), workspace=Workspace((0.6, 0.0, 0.0)))
+    monkeypatch.setattr(tune_evaluator.SceneDataset, "open", lambda folder: make_scenes())
+    monkeypatch.setattr(JudgedGrasps, "open", lambda folder, names: moved)
+    save_new_network(config.init)
+    with pytest.raises(
+        SystemExit, match=r"expected files of one workspace: .*\(0\.6, 0\.0, 0\.0\)"
+    ):
+        tune_evaluator.tune(replace(config, steps=2))

@@ -1,0 +1,1 @@
+"""Where the objects of a subgoal must end, a file for each subgoal."""
