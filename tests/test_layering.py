@@ -53,6 +53,7 @@ WALLS = {
         *(f"split_drake.{room}" for room in ("truth", "grasps", "data", "split", "training")),
         *(f"split_drake.{room}" for room in ("evaluation", "tuning", "studies")),
         "split_drake.station.station",
+        "split_drake.station.hand",
     ),
     "planning.handling": ("planning.pick_place", "planning.planners"),
     "planning.execution": ("planning.pick_place", "planning.planners", "planning.goals"),

@@ -141,6 +141,7 @@ def test_a_name_is_taken_from_the_start() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
     assert run.stdout.splitlines() == [
-        "a planner named 'default' is registered already",
+        "a planner named 'default' is registered already, by planning.planners.default; "
+        "__main__ needs another name",
         "default gcs rrt",
     ]

@@ -1,0 +1,1 @@
+"""Labelled scenes of clutter, seen from one side."""

@@ -1,0 +1,203 @@
+"""The objects of clutter scenes with their grasps, worked out once for each object.
+
+``python -m split_drake.data.clutter.library --objects train --out FILE.npz`` keeps them.  A grasp
+is antipodal, pinches at most `MAX_WIDTH_M`, so that a wide-open hand has room for its errors, and
+is clear of its object with the hand wide open, as the protocol has it come in.
+"""
+
+import os
+from dataclasses import dataclass, fields
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Literal, Self
+
+import numpy as np
+import shapely
+import trimesh
+import tyro
+from rich.progress import track
+
+from split_drake.experiments.pool import InThisProcess, WorkerPool
+from split_drake.files import replacing
+from split_drake.grasps.judge import MIN_QUALITY, GraspJudge
+from split_drake.grasps.sampling import antipodal_candidates, false_grasps, spread_evenly
+from split_drake.objects.procedural.split import ProceduralSource
+from split_drake.objects.rigid import RigidObject
+from split_drake.objects.task_object import ObjectSource, TaskObject
+from split_drake.poses import Array
+from split_drake.robot.gripper import MAX_OPENING_M
+
+# Fingertips of a hand that opens by 80 mm land on what is wider than this when it is a little off.
+MAX_WIDTH_M = 0.066
+POINTS, TURNS = 900, 5
+# Good grasps that are looked at for steadiness, and grasps that are kept of an object.
+SIFTED, KEPT, FALSE_KEPT = 320, 250, 60
+SURFACE_POINTS = 400
+
+
+@dataclass(frozen=True)
+class ObjectGrasps:
+    """Grasps of one object in its frame O.
+
+    Attributes:
+        X_OGs: (N, 4, 4) grasps that hold.
+        weights: (N,) in (0, 1]: quality times squared steadiness.
+        X_OFs: (M, 4, 4) grasps that fail wherever the object lies.
+    """
+
+    X_OGs: Array
+    weights: Array
+    X_OFs: Array
+
+
+def object_grasps(body: RigidObject, rng: np.random.Generator) -> ObjectGrasps:
+    """Return grasps of an object for a hand that comes in wide open; none where none is good."""
+    judge = GraspJudge(body.mesh)
+    X_OGs, widths = antipodal_candidates(body.mesh, POINTS, TURNS, rng)
+    X_OGs = X_OGs[widths <= MAX_WIDTH_M]
+    wide = np.full(len(X_OGs), MAX_OPENING_M)
+    qualities = judge.qualities(X_OGs, wide) if len(X_OGs) else np.zeros(0)
+    firm = rng.permutation(np.flatnonzero(qualities >= MIN_QUALITY))[: 3 * SIFTED]
+    good = firm[~judge.collides(X_OGs[firm], wide[firm])][:SIFTED] if len(firm) else firm
+    if not len(good):
+        return ObjectGrasps(np.empty((0, 4, 4)), np.empty(0), np.empty((0, 4, 4)))
+    steadiness = judge.steadiness(X_OGs[good], wide[good], rng)
+    weights = qualities[good] * steadiness**2
+    steady = good[steadiness > 0.0]
+    kept = spread_evenly(X_OGs[steady], KEPT)
+    if not len(kept):
+        return ObjectGrasps(np.empty((0, 4, 4)), np.empty(0), np.empty((0, 4, 4)))
+    false = false_grasps(body, X_OGs[steady[kept]], FALSE_KEPT, rng).X_OGs
+    return ObjectGrasps(X_OGs[steady[kept]], weights[steadiness > 0.0][kept], false)
+
+
+@dataclass(frozen=True)
+class ClutterObject:
+    """An object of clutter scenes.
+
+    Attributes:
+        shape: the object.
+        grasps: of it.
+    """
+
+    shape: TaskObject
+    grasps: ObjectGrasps
+
+    @property
+    def body(self) -> RigidObject:
+        return self.shape.body
+
+    @cached_property
+    def triangles_O(self) -> Array:
+        """(F, 3, 3): the mesh."""
+        return np.asarray(self.body.mesh.triangles, dtype=np.float32)
+
+    @cached_property
+    def p_OSurface(self) -> Array:
+        """(P, 3): points spread over its surface, which hands must keep clear of."""
+        points, _ = trimesh.sample.sample_surface(self.body.mesh, SURFACE_POINTS, seed=0)
+        return np.asarray(points, dtype=np.float32)
+
+    @cached_property
+    def footprint(self) -> shapely.Polygon:
+        """What it covers as it stands, O's z up, about O's axis, metres."""
+        return shapely.MultiPoint(self.body.mesh.vertices[:, :2]).convex_hull
+
+    @cached_property
+    def lowest_m(self) -> float:
+        """The lowest z of its mesh in O."""
+        return float(self.body.mesh.bounds[0, 2])
+
+
+def _grasps_of(source: ObjectSource, name: str) -> tuple[str, ObjectGrasps]:
+    shape = source.load(name)
+    rng = np.random.default_rng([*shape.seed, 1])
+    return name, object_grasps(shape.body, rng)
+
+
+@dataclass(frozen=True)
+class GraspLibrary:
+    """Grasps of many objects.
+
+    Attributes:
+        source_sha256: of the source that the objects come from.
+        grasps: {name of an object: its grasps}.
+    """
+
+    source_sha256: str
+    grasps: dict[str, ObjectGrasps]
+
+    @classmethod
+    def work_out(cls, source: ObjectSource, workers: int) -> Self:
+        """Return the grasps of all objects of a source, half a second of CPU each."""
+        names = source.names()
+        work = partial(_grasps_of, source)
+        pool = InThisProcess(work) if workers == 1 else WorkerPool(work, workers)
+        found = dict(track(pool.run(names), "objects", total=len(names)))
+        return cls(source.sha256(), {name: found[name] for name in names})
+
+    def save(self, path: Path) -> None:
+        """Write the library, atomically."""
+        arrays: dict[str, np.ndarray] = {
+            "names": np.array(list(self.grasps)),
+            "source_sha256": np.array(self.source_sha256),
+        }
+        for entry in fields(ObjectGrasps):
+            parts = [getattr(each, entry.name) for each in self.grasps.values()]
+            arrays[entry.name] = np.concatenate(parts).astype(np.float32)
+            arrays[f"{entry.name}_counts"] = np.array([len(part) for part in parts])
+        with replacing(path) as temporary:
+            np.savez_compressed(temporary, allow_pickle=False, **arrays)
+
+    @classmethod
+    def load(cls, path: Path, source: ObjectSource) -> Self:
+        """Return the library in a file; ValueError where it is of other objects."""
+        if not path.is_file():
+            raise ValueError(
+                f"{path} does not exist; python -m split_drake.data.clutter.library makes it"
+            )
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        sha256 = str(arrays["source_sha256"])
+        if sha256 != source.sha256():
+            raise ValueError(f"{path} holds grasps of other objects; make it anew")
+        parts = {
+            entry.name: np.split(
+                arrays[entry.name].astype(float), np.cumsum(arrays[f"{entry.name}_counts"])[:-1]
+            )
+            for entry in fields(ObjectGrasps)
+        }
+        grasps = {
+            str(name): ObjectGrasps(**{key: part[number] for key, part in parts.items()})
+            for number, name in enumerate(arrays["names"])
+        }
+        return cls(sha256, grasps)
+
+
+@dataclass(frozen=True)
+class LibraryOptions:
+    """Whose grasps to work out.
+
+    Attributes:
+        out: file.
+        objects: split of the procedural objects.
+        workers: processes, 1 for this one alone; the grasps do not depend on them.
+    """
+
+    out: Path
+    objects: Literal["train", "test"] = "train"
+    workers: int = len(os.sched_getaffinity(0))
+
+
+def main(options: LibraryOptions) -> None:
+    """Work out the grasps and write them."""
+    library = GraspLibrary.work_out(ProceduralSource(options.objects), options.workers)
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    library.save(options.out)
+    counts = np.array([len(each.X_OGs) for each in library.grasps.values()])
+    median, none = np.median(counts), (counts == 0).sum()
+    print(f"{len(counts)} objects, {median:.0f} grasps each (median), {none} without any")
+
+
+if __name__ == "__main__":
+    main(tyro.cli(LibraryOptions, description=__doc__))

@@ -1,0 +1,1 @@
+"""Shapes of many kinds drawn from parameters."""

@@ -1,0 +1,1 @@
+"""A table with objects that a hand without an arm takes."""

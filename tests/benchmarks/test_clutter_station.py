@@ -1,0 +1,82 @@
+"""How fast the clutter station is: ``pytest tests/benchmarks/test_clutter_station.py``.
+
+Factors of real time, with five resting objects, on one core.
+"""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from split_drake.poses import make_pose
+from split_drake.station.hand.grasp_execution import execute_grasp
+from split_drake.station.hand.hand_station import HandStation
+from split_drake.station.layout import Layout
+from split_drake.truth.clutter_starts import pile_start
+from split_drake.truth.removal import clutter_truth, wait_for_all_to_rest
+from tests.split_drake.station.solids import DOWN, clear, solids, stand
+
+REPEATS = 5
+
+
+@pytest.fixture(scope="module")
+def shared() -> HandStation:
+    return HandStation(solids(), Layout())
+
+
+@pytest.fixture
+def station(shared: HandStation) -> HandStation:
+    """Return the station with five objects that stand apart and rest."""
+    clear(shared)
+    for index, (x, y) in enumerate(((-1, -1), (-1, 1), (0, 0), (1, -1), (1, 1))):
+        stand(shared, index, 0.5 + 0.09 * x, 0.09 * y)
+    assert wait_for_all_to_rest(shared, clutter_truth(shared))
+    return shared
+
+
+def _processor() -> str:
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else "an unknown processor"
+
+
+def _report(
+    station: HandStation, capsys: pytest.CaptureFixture[str], name: str, act: Callable[[], object]
+) -> float:
+    """Act some times; print and return how many times as fast as real time the fastest was."""
+    factors = []
+    for _ in range(REPEATS):
+        began_s, clock_s = station.time_s, time.process_time()
+        act()
+        factors.append((station.time_s - began_s) / (time.process_time() - clock_s))
+    with capsys.disabled():
+        print(
+            f"\n{name}: {max(factors):.1f} times real time (median {np.median(factors):.1f}), "
+            f"{len(station.present)} objects, {_processor()}"
+        )
+    return max(factors)
+
+
+def test_moving_hand(station: HandStation, capsys: pytest.CaptureFixture[str]) -> None:
+    station.place_hand(make_pose(DOWN, (0.45, 0.0, 0.25)))
+
+    def act() -> None:
+        station.move((0.55, 0.0, 0.25))
+        station.move((0.45, 0.0, 0.25), stop_at_contact=True)
+
+    assert _report(station, capsys, "moving the hand", act) > 3.0
+
+
+def test_grasping(station: HandStation, capsys: pytest.CaptureFixture[str]) -> None:
+    def act() -> None:
+        stand(station, 2)
+        assert execute_grasp(station, make_pose(DOWN, (0.5, 0.0, 0.04))).success
+
+    assert _report(station, capsys, "a grasp", act) > 3.0
+
+
+def test_piling(station: HandStation, capsys: pytest.CaptureFixture[str]) -> None:
+    truth, rng = clutter_truth(station), np.random.default_rng(0)
+    assert _report(station, capsys, "a pile", lambda: pile_start(station, truth, rng)) > 3.0

@@ -1,0 +1,54 @@
+"""Blocks that scenes of clutter are made of, with their grasps."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from split_drake.data.clutter.generate import ClutterRecipe
+from split_drake.data.clutter.library import ClutterObject, GraspLibrary
+from split_drake.objects.task_object import TaskObject
+from split_drake.station.layout import Layout
+from tests.split_drake.station.solids import solid_box, solid_cylinder
+
+BODIES = {
+    "bar": solid_box("bar", (0.04, 0.09, 0.05)),
+    "can": solid_cylinder("can", 0.025, 0.1),
+    "slab": solid_box("slab", (0.1, 0.12, 0.09)),
+}
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """A bar, a can, and a slab that is too wide for the hand."""
+
+    def names(self) -> tuple[str, ...]:
+        return tuple(BODIES)
+
+    def load(self, name: str) -> TaskObject:
+        return TaskObject(body=BODIES[name])
+
+    def sha256(self) -> str:
+        return "blocks"
+
+
+@pytest.fixture(scope="session")
+def library() -> GraspLibrary:
+    return GraspLibrary.work_out(Blocks(), workers=1)
+
+
+@pytest.fixture(scope="session")
+def bar(library: GraspLibrary) -> ClutterObject:
+    return ClutterObject(Blocks().load("bar"), library.grasps["bar"])
+
+
+@pytest.fixture(scope="session")
+def can(library: GraspLibrary) -> ClutterObject:
+    return ClutterObject(Blocks().load("can"), library.grasps["can"])
+
+
+@pytest.fixture(scope="session")
+def recipe(library: GraspLibrary, tmp_path_factory: pytest.TempPathFactory) -> ClutterRecipe:
+    path: Path = tmp_path_factory.mktemp("library") / "blocks.npz"
+    library.save(path)
+    return ClutterRecipe(Blocks(), path, Layout())

@@ -1,0 +1,60 @@
+"""The grasps of objects of clutter."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from split_drake.data.clutter.library import MAX_WIDTH_M, ClutterObject, GraspLibrary
+from split_drake.grasps.judge import GraspJudge
+from split_drake.robot.gripper import MAX_OPENING_M
+from tests.split_drake.data.clutter.conftest import BODIES, Blocks
+
+
+def test_a_wide_open_hand_can_take_every_grasp(library: GraspLibrary) -> None:
+    for name in ("bar", "can"):
+        grasps, judge = library.grasps[name], GraspJudge(BODIES[name].mesh)
+        wide = np.full(len(grasps.X_OGs), MAX_OPENING_M)
+        assert len(grasps.X_OGs) >= 50
+        assert not judge.collides(grasps.X_OGs, wide).any()
+        assert (grasps.weights > 0.0).all() and (grasps.weights <= 1.0).all()
+
+
+def test_a_bar_is_pinched_across_what_is_narrow_enough(library: GraspLibrary) -> None:
+    closing_O = np.abs(library.grasps["bar"].X_OGs[:, :3, 1])
+    assert not (closing_O.argmax(axis=1) == 1).any(), "9 cm are wider than the hand"
+
+
+def test_what_is_too_wide_has_no_grasps(library: GraspLibrary) -> None:
+    assert min(BODIES["slab"].mesh.extents) > MAX_WIDTH_M
+    grasps = library.grasps["slab"]
+    assert (len(grasps.X_OGs), len(grasps.weights), len(grasps.X_OFs)) == (0, 0, 0)
+
+
+def test_a_library_survives_its_file(library: GraspLibrary, tmp_path: Path) -> None:
+    path = tmp_path / "library.npz"
+    library.save(path)
+    read = GraspLibrary.load(path, Blocks())
+    assert list(read.grasps) == list(library.grasps)
+    for name, grasps in library.grasps.items():
+        np.testing.assert_allclose(read.grasps[name].X_OGs, grasps.X_OGs, atol=1e-6)
+        np.testing.assert_allclose(read.grasps[name].weights, grasps.weights, atol=1e-6)
+        np.testing.assert_allclose(read.grasps[name].X_OFs, grasps.X_OFs, atol=1e-6)
+
+
+def test_missing_libraries_and_those_of_other_objects_are_refused(
+    library: GraspLibrary, tmp_path: Path
+) -> None:
+    with pytest.raises(ValueError, match=r"none\.npz does not exist; python -m .* makes it"):
+        GraspLibrary.load(tmp_path / "none.npz", Blocks())
+    path = tmp_path / "library.npz"
+    GraspLibrary("cubes", library.grasps).save(path)
+    with pytest.raises(ValueError, match="holds grasps of other objects"):
+        GraspLibrary.load(path, Blocks())
+
+
+def test_an_object_knows_what_it_covers(can: ClutterObject) -> None:
+    assert can.footprint.area == pytest.approx(np.pi * 0.025**2, rel=0.02)
+    assert can.lowest_m == 0.0
+    radii = np.hypot(*can.p_OSurface[:, :2].T)
+    assert radii.max() == pytest.approx(0.025, abs=1e-3)
