@@ -45,6 +45,7 @@ ROOMS = (
     "scenarios.trials",
     "scenarios.bench",
     "scenarios.study",
+    "scenarios.clutter",
     "scenarios",
 )
 # Walls between rooms that the order alone would let through.

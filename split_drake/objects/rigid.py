@@ -54,6 +54,13 @@ class Primitive:
             raise ValueError(f"X_OP of a {self.kind} is no pose; expected (4, 4) finite numbers")
         self._check_vertices()
 
+    def scaled(self, factor: float) -> Self:
+        """Return the shape `factor` times as large, and as far from O's origin."""
+        X_OP = np.array(self.X_OP, dtype=float)
+        X_OP[:3, 3] *= factor
+        size = tuple(factor * value for value in self.size)
+        return replace(self, size=size, X_OP=X_OP, p_PVs=factor * np.asarray(self.p_PVs))
+
     def _check_vertices(self) -> None:
         shape = np.shape(self.p_PVs)
         if self.kind != "convex":
@@ -95,6 +102,21 @@ class RigidObject:
             raise ValueError(f"mass_kg of {self.name} is {self.mass_kg}; expected more than 0")
         if not self.collision:
             raise ValueError(f"{self.name} has no collision geometry")
+
+    def scaled(self, factor: float) -> Self:
+        """Return the body `factor` times as large in O, of the same density."""
+        if not factor > 0.0:
+            raise ValueError(f"factor is {factor}; expected more than 0")
+        mesh = self.mesh.copy()
+        mesh.apply_scale(factor)
+        return replace(
+            self,
+            mesh=mesh,
+            mass_kg=self.mass_kg * factor**3,
+            p_OCom=factor * np.asarray(self.p_OCom),
+            inertia_kg_m2=self.inertia_kg_m2 * factor**5,
+            collision=tuple(piece.scaled(factor) for piece in self.collision),
+        )
 
     def with_mass(self, mass_kg: float) -> Self:
         """Return the body as heavy as given, its mass distributed as before."""

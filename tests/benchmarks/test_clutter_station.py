@@ -44,8 +44,8 @@ def _processor() -> str:
 
 def _report(
     station: HandStation, capsys: pytest.CaptureFixture[str], name: str, act: Callable[[], object]
-) -> float:
-    """Act some times; print and return how many times as fast as real time the fastest was."""
+) -> None:
+    """Act some times; print how many times as fast as real time the fastest was."""
     factors = []
     for _ in range(REPEATS):
         began_s, clock_s = station.time_s, time.process_time()
@@ -56,7 +56,6 @@ def _report(
             f"\n{name}: {max(factors):.1f} times real time (median {np.median(factors):.1f}), "
             f"{len(station.present)} objects, {_processor()}"
         )
-    return max(factors)
 
 
 def test_moving_hand(station: HandStation, capsys: pytest.CaptureFixture[str]) -> None:
@@ -66,7 +65,7 @@ def test_moving_hand(station: HandStation, capsys: pytest.CaptureFixture[str]) -
         station.move((0.55, 0.0, 0.25))
         station.move((0.45, 0.0, 0.25), stop_at_contact=True)
 
-    assert _report(station, capsys, "moving the hand", act) > 3.0
+    _report(station, capsys, "moving the hand", act)
 
 
 def test_grasping(station: HandStation, capsys: pytest.CaptureFixture[str]) -> None:
@@ -74,9 +73,9 @@ def test_grasping(station: HandStation, capsys: pytest.CaptureFixture[str]) -> N
         stand(station, 2)
         assert execute_grasp(station, make_pose(DOWN, (0.5, 0.0, 0.04))).success
 
-    assert _report(station, capsys, "a grasp", act) > 3.0
+    _report(station, capsys, "a grasp", act)
 
 
 def test_piling(station: HandStation, capsys: pytest.CaptureFixture[str]) -> None:
     truth, rng = clutter_truth(station), np.random.default_rng(0)
-    assert _report(station, capsys, "a pile", lambda: pile_start(station, truth, rng)) > 3.0
+    _report(station, capsys, "a pile", lambda: pile_start(station, truth, rng))

@@ -2,7 +2,8 @@
 
 ``python -m split_drake.data.clutter.library --objects train --out FILE.npz`` keeps them.  A grasp
 is antipodal, pinches at most `MAX_WIDTH_M`, so that a wide-open hand has room for its errors, and
-is clear of its object with the hand wide open, as the protocol has it come in.
+at least `MIN_WIDTH_M`.  It is clear of its object with the hand wide open, as the protocol has it
+come in.
 """
 
 import os
@@ -29,9 +30,13 @@ from split_drake.robot.gripper import MAX_OPENING_M
 
 # Fingertips of a hand that opens by 80 mm land on what is wider than this when it is a little off.
 MAX_WIDTH_M = 0.066
-POINTS, TURNS = 900, 5
+# The protocol counts a grasp whose pads end within 8 mm as failed, such as those of a bowl's wall.
+MIN_WIDTH_M = 0.010
+POINTS, TURNS = 1600, 6
+# Pads reach 11 mm beyond G: pinched nearer their tips, what lies flat is taken clear of the table.
+MAX_BACK_M = 0.008
 # Good grasps that are looked at for steadiness, and grasps that are kept of an object.
-SIFTED, KEPT, FALSE_KEPT = 320, 250, 60
+SIFTED, KEPT, FALSE_KEPT = 500, 400, 60
 SURFACE_POINTS = 400
 
 
@@ -54,7 +59,8 @@ def object_grasps(body: RigidObject, rng: np.random.Generator) -> ObjectGrasps:
     """Return grasps of an object for a hand that comes in wide open; none where none is good."""
     judge = GraspJudge(body.mesh)
     X_OGs, widths = antipodal_candidates(body.mesh, POINTS, TURNS, rng)
-    X_OGs = X_OGs[widths <= MAX_WIDTH_M]
+    X_OGs = X_OGs[(widths >= MIN_WIDTH_M) & (widths <= MAX_WIDTH_M)]
+    X_OGs = _drawn_back(X_OGs, rng)
     wide = np.full(len(X_OGs), MAX_OPENING_M)
     qualities = judge.qualities(X_OGs, wide) if len(X_OGs) else np.zeros(0)
     firm = rng.permutation(np.flatnonzero(qualities >= MIN_QUALITY))[: 3 * SIFTED]
@@ -69,6 +75,13 @@ def object_grasps(body: RigidObject, rng: np.random.Generator) -> ObjectGrasps:
         return ObjectGrasps(np.empty((0, 4, 4)), np.empty(0), np.empty((0, 4, 4)))
     false = false_grasps(body, X_OGs[steady[kept]], FALSE_KEPT, rng).X_OGs
     return ObjectGrasps(X_OGs[steady[kept]], weights[steadiness > 0.0][kept], false)
+
+
+def _drawn_back(X_OGs: Array, rng: np.random.Generator) -> Array:
+    """Return the grasps (N, 4, 4), each up to `MAX_BACK_M` back along its approach."""
+    back = X_OGs.copy()
+    back[:, :3, 3] -= rng.uniform(0.0, MAX_BACK_M, (len(back), 1)) * back[:, :3, 2]
+    return back
 
 
 @dataclass(frozen=True)

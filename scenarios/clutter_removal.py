@@ -1,0 +1,177 @@
+"""Clear tables of unknown objects: `python -m scenarios.clutter_removal --scene pile`.
+
+A floating hand tries grasps that are detected in one view from the side, and takes what it holds,
+until nothing is left, nothing is found, or two grasps in a row fail.  The folder holds config.json,
+rounds.jsonl (a line as each round ends, with every grasp) and summary.json; the same --out goes on
+where an interrupted run stopped.
+"""
+
+import os
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from scenarios.clutter.detection import DetectorName
+from scenarios.clutter.observation import Noise
+from scenarios.clutter.records import Removal, RoundRecord, clutter_run
+from scenarios.clutter.rounds import (
+    RoundSpec,
+    SceneKind,
+    Selection,
+    crashed_round,
+    object_source,
+    run_round,
+)
+from split_drake.experiments.pool import WorkerPool
+from split_drake.experiments.provenance import code_version, file_sha256
+from split_drake.files import write_json
+from split_drake.objects.files.mesh_file import ObjectFileError
+from split_drake.station.layout import Layout
+
+_FREE_KEYS = ("rounds", "seeds", "workers", "out")
+
+
+@dataclass(frozen=True)
+class ClutterOptions:
+    """Options of a run.
+
+    Attributes:
+        scene: how objects lie when a round starts: packed, standing side by side, or in a pile.
+        rounds: of each seed.
+        seeds: how many seeds there are, from `first_seed` on.
+        first_seed: of them.
+        detector: SPLIT, or the true grasps of what lies there.
+        checkpoint: weights of SPLIT, which it needs: no model of clutter ships yet.
+        objects: "procedural", kinds that no model was trained on; "procedural-train", those to
+            choose settings on; or a folder of URDF or mesh files in metres.
+        noise: of the view: "gaussian" moves the sampled points by 5 mm, "dex" scales the depth
+            image by 3% and adds a smooth error.
+        select: the best of the grasps that are found, or any of them.
+        workers: processes; outcomes do not depend on them.
+        out: folder of the results; runs/clutter_removal/<time> where not given.
+    """
+
+    scene: SceneKind
+    rounds: int = 40
+    seeds: int = 5
+    first_seed: int = 0
+    detector: DetectorName = "split"
+    checkpoint: Path | None = None
+    objects: str = "procedural"
+    noise: Noise = "gaussian"
+    select: Selection = "best"
+    workers: int = len(os.sched_getaffinity(0))
+    out: Path | None = None
+
+    def __post_init__(self) -> None:
+        for name, least in (("rounds", 1), ("seeds", 1), ("first_seed", 0), ("workers", 1)):
+            if getattr(self, name) < least:
+                flag = name.replace("_", "-")
+                raise ValueError(f"--{flag} is {getattr(self, name)}; expected {least} or more")
+        if self.detector == "split" and self.checkpoint is None:
+            raise ValueError("--detector split needs --checkpoint: no model of clutter ships yet")
+        if self.checkpoint is not None and not self.checkpoint.is_file():
+            raise ValueError(f"--checkpoint: there is no file {self.checkpoint}")
+
+
+def layout_of(options: ClutterOptions) -> Layout:
+    """Return the layout, its workspace the one that the detector was trained on."""
+    if options.checkpoint is None:
+        return Layout()
+    from split_drake.split.checkpoint import load_checkpoint
+
+    return Layout(workspace=load_checkpoint(options.checkpoint)[1].workspace)
+
+
+def run_config(options: ClutterOptions) -> dict[str, Any]:
+    """Return the content of config.json."""
+    config = {**asdict(options), **code_version()}
+    config["objects_sha256"] = object_source(options.objects, Path("unused")).sha256()
+    if options.checkpoint is not None:
+        config["checkpoint_sha256"] = file_sha256(options.checkpoint)
+    return config
+
+
+def missing_rounds(
+    options: ClutterOptions, folder: Path, done: Collection[tuple[int, int]]
+) -> list[RoundSpec]:
+    """Return the rounds of a run, without those whose (seed, index) are `done`."""
+    layout = layout_of(options)
+    return [
+        RoundSpec(
+            seed=options.first_seed + seed,
+            index=index,
+            scene=options.scene,
+            objects=options.objects,
+            cache=folder / "decompositions",
+            detector=options.detector,
+            checkpoint=options.checkpoint,
+            noise=options.noise,
+            select=options.select,
+            layout=layout,
+        )
+        for seed in range(options.seeds)
+        for index in range(options.rounds)
+        if (options.first_seed + seed, index) not in done
+    ]
+
+
+def asked_records(options: ClutterOptions, records: Sequence[RoundRecord]) -> list[RoundRecord]:
+    """Return the records that the options ask for, in the order of seeds and numbers."""
+    seeds = range(options.first_seed, options.first_seed + options.seeds)
+    asked = [each for each in records if each.seed in seeds and each.index < options.rounds]
+    return sorted(asked, key=lambda each: (each.seed, each.index))
+
+
+def describe(records: Sequence[RoundRecord]) -> str:
+    """Return the grasps that succeeded so far."""
+    attempts = sum(len(record.grasps) for record in records)
+    return f"{sum(record.successes for record in records)}/{attempts} grasps"
+
+
+def print_removal(console: Console, title: str, removal: Removal) -> None:
+    """Print what rounds came to."""
+    table = Table(title=title, show_header=False)
+    counts = f"{removal.rounds} rounds, {removal.objects} objects, {removal.attempts} grasps"
+    table.add_row("tried", counts)
+    table.add_row("grasps that succeeded (GSR)", str(removal.gsr))
+    table.add_row("objects taken (DR)", str(removal.dr))
+    for head, found in (("rounds ended", removal.ended), ("grasps failed", removal.failures)):
+        for name, count in found.items():
+            table.add_row(head, f"{count}: {name}")
+    console.print(table)
+
+
+def main(options: ClutterOptions) -> Path:
+    """Run what is missing of the rounds, report, and return the folder."""
+    console = Console()
+    folder = options.out or Path("runs/clutter_removal") / datetime.now().strftime("%Y%m%d-%H%M%S")
+    try:
+        config = run_config(options)
+    except ObjectFileError as error:
+        raise SystemExit(f"--objects: {error}") from error
+    run = clutter_run(folder)
+    run.claim(config, _FREE_KEYS)
+    specs = missing_rounds(options, folder, {(each.seed, each.index) for each in run.records()})
+    pool = WorkerPool(run_round, options.workers, crashed_round)
+    run.collect(pool.run(specs), len(specs), console, describe)
+    records = asked_records(options, run.records())
+    if not records:
+        raise SystemExit("no round was run")
+    removal = Removal.of(records)
+    asked = {key: getattr(options, key) for key in ("scene", "detector", "noise", "select")}
+    asked |= {"objects_from": options.objects, "seeds": options.seeds}
+    write_json(folder / "summary.json", asked | removal.to_json())
+    print_removal(console, f"{options.scene}, {options.detector}, noise {options.noise}", removal)
+    console.print(f"results: {folder}")
+    return folder
+
+
+if __name__ == "__main__":
+    main(tyro.cli(ClutterOptions, description=__doc__))
