@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from scenarios.mug_hang import MugHangOptions, specs_of
+from scenarios.record_problems import RecordOptions
+from scenarios.record_problems import specs_of as problem_specs
 from scenarios.trials import perception, setup
 from scenarios.trials.detectors import make_detector
 from scenarios.trials.perception import Perceiver
@@ -17,11 +19,12 @@ from scenarios.trials.spec import TrialSpec
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP, HANDLE, PoseTask
 from split_drake.poses import Array
-from split_drake.scene import Scene
+from split_drake.scene import Scene, Workspace
 from split_drake.station.station import Station
 from split_drake.truth.oracle import OracleDetector
 from split_drake.truth.starts import NoStartError, Start
 from split_drake.truth.state import Truth
+from tests.helpers.checkpoints import save_new_network
 
 SPEC = specs_of(
     MugHangOptions(trials=1, seed=3, detector="oracle", record="none"), Path("nowhere"), ()
@@ -138,3 +141,13 @@ def test_each_look_has_noise_of_its_own_on_the_sampled_points(
         np.testing.assert_array_equal(scene.p_WPs, clean.p_WPs)
         assert (scene.p_WSs - clean.p_WSs).std() == pytest.approx(SPEC.noise_m, rel=0.1)
     assert np.abs(one.p_WSs - other.p_WSs).std() > 0.5 * SPEC.noise_m
+
+
+def test_trials_look_where_their_model_was_trained_to(tmp_path: Path) -> None:
+    path, workspace = tmp_path / "moved.safetensors", Workspace((0.52, 0.03, 0.0))
+    save_new_network(path, workspace)
+    (spec,) = specs_of(MugHangOptions(trials=1, checkpoint=path), tmp_path, ())
+    assert spec.station.layout.workspace == workspace
+    (problem,) = problem_specs(RecordOptions(count=1, detectors=("split",), checkpoint=path))
+    assert problem.station.layout.workspace == workspace
+    assert SPEC.station.layout.workspace == Workspace()

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from split_drake.data.rests import Rests
+from split_drake.evaluation import scenes
 from split_drake.evaluation.judgement import (
     direction_error_rad,
     judge_grasps,
@@ -11,12 +13,15 @@ from split_drake.evaluation.judgement import (
     line_error_rad,
     yaw_error_rad,
 )
+from split_drake.evaluation.scenes import EvalSubject
 from split_drake.grasps.judge import GraspJudge
 from split_drake.grasps.sampling import sample_grasps
 from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.mugs.split import load_mug
 from split_drake.pose_task import HANDLE, Symmetry
 from split_drake.poses import Array, make_pose, rotation_x, rotation_y, rotation_z
+from split_drake.station.config import StationConfig
+from split_drake.station.layout import Layout
 
 HALF_TURN = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -96,3 +101,14 @@ def test_yaw_is_told_apart_from_the_tilt_of_the_axis(yaw_deg: float, tilt_deg: f
         assert np.degrees(yaw_error_rad(R_WA, R_WA @ R_AB)) == pytest.approx(abs(yaw_deg))
         axis = direction_error_rad(R_WA[:, 2], (R_WA @ R_AB)[:, 2])
         assert np.degrees(axis) == pytest.approx(tilt_deg, abs=1e-5)
+
+
+def test_grasps_are_tried_on_the_table_of_the_subjects_layout(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[StationConfig] = []
+    monkeypatch.setattr(scenes, "FreeHand", lambda body, config: asked.append(config))
+    layout = Layout(p_WTable=(0.55, 0.9))
+    shape = load_mug("test_000")
+    _ = EvalSubject(shape, Rests(np.eye(4)[None], 1), layout, true_grasps=None).hand
+    assert [config.layout for config in asked] == [layout]

@@ -1,11 +1,18 @@
 """What a run was made with."""
 
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from split_drake.experiments import provenance
-from split_drake.experiments.provenance import UNKNOWN_COMMIT, code_sha256, code_version
+from split_drake.experiments.provenance import (
+    UNKNOWN_COMMIT,
+    code_sha256,
+    code_version,
+    file_sha256,
+    qualified_name,
+)
 from split_drake.experiments.run import claim_folder
 
 
@@ -45,3 +52,15 @@ def test_code_that_is_no_checkout_has_no_commit(
     assert found["commit"] == UNKNOWN_COMMIT
     assert len(found["code_sha256"]) == 64
     assert {"python", "drake"} <= set(found["versions"])
+
+
+class Called:
+    """What is called like a function."""
+
+    def __call__(self) -> None: ...
+
+
+def test_functions_are_named_by_where_they_are_defined() -> None:
+    assert qualified_name(file_sha256) == "split_drake.experiments.provenance.file_sha256"
+    assert qualified_name(partial(partial(file_sha256), Path("x"))) == qualified_name(file_sha256)
+    assert qualified_name(Called()).endswith("test_provenance.Called")

@@ -17,9 +17,8 @@ from split_drake.pose_set import ScoredPoses
 from split_drake.pose_task import GRASP, MUG_TASKS, UPRIGHT, PoseTask
 from split_drake.poses import Array, make_pose, rotation_x
 from split_drake.scene import Scene, Workspace
-from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
+from split_drake.split.checkpoint import load_checkpoint
 from split_drake.split.detector import SplitDetector
-from split_drake.split.network import SplitNetwork
 from split_drake.split.sampling import StepCallback
 from split_drake.station.layout import Layout
 from split_drake.tuning import judged_grasps, tune_evaluator
@@ -30,8 +29,9 @@ from split_drake.tuning.evaluator_tuning import (
     tune_steps,
 )
 from split_drake.tuning.judged_grasps import JudgeConfig, JudgedGrasps, JudgedGraspsError
+from tests.helpers.checkpoints import new_network, save_new_network
 from tests.helpers.evaluation import standing
-from tests.helpers.training import BATCH, FIRM_M, NETWORK, make_scenes, scenes_on_cpu
+from tests.helpers.training import BATCH, FIRM_M, make_scenes, scenes_on_cpu
 
 
 def judged_posts() -> JudgedGrasps:
@@ -51,28 +51,6 @@ def judged_posts() -> JudgedGrasps:
         mugs=10,
         workspace=scenes.workspace,
     )
-
-
-def new_network(tasks: tuple[PoseTask, ...] = MUG_TASKS) -> SplitNetwork:
-    """Return a network that has learnt nothing."""
-    torch.manual_seed(0)
-    return SplitNetwork(NETWORK, tasks).eval()
-
-
-def save_new_network(path: Path) -> None:
-    """Write a checkpoint of a network that has learnt nothing."""
-    info = CheckpointInfo(
-        config=NETWORK,
-        tasks=MUG_TASKS,
-        workspace=Workspace(),
-        training={},
-        seed=0,
-        dataset_hash="post",
-        commit="abc",
-        steps=7,
-        scenes=56,
-    )
-    save_checkpoint(path, new_network(), info)
 
 
 @pytest.fixture

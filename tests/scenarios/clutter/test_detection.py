@@ -1,0 +1,127 @@
+"""Where grasps come from in clutter removal."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarios.clutter import detection
+from scenarios.clutter.detection import SplitGrasps, TrueGrasps, ranked
+from scenarios.clutter.observation import observe, side_camera
+from split_drake.data.clutter.labels import clears_table
+from split_drake.data.clutter.library import ObjectGrasps
+from split_drake.objects.rigid import RigidObject
+from split_drake.pose_task import GRASP, UPRIGHT, UnknownTaskError
+from split_drake.poses import invert_pose, make_pose, transform_points
+from split_drake.scene import Scene
+from split_drake.station.hand.hand_station import HandStation
+from split_drake.station.layout import Layout
+from split_drake.truth.removal import clutter_truth
+from tests.helpers.checkpoints import save_new_network
+from tests.split_drake.station.solids import clear, solids, stand
+
+LAYOUT = Layout()
+CAN, TIN = 1, 3
+
+
+@pytest.fixture(scope="module")
+def shared() -> HandStation:
+    return HandStation(solids(), LAYOUT)
+
+
+@pytest.fixture
+def station(shared: HandStation) -> HandStation:
+    clear(shared)
+    return shared
+
+
+def look(station: HandStation) -> Scene:
+    (view,) = station.capture([side_camera(LAYOUT.workspace)])
+    return observe(view, LAYOUT.workspace, "none", np.random.default_rng(0))
+
+
+def oracle(station: HandStation) -> TrueGrasps:
+    return TrueGrasps(station, clutter_truth(station), np.random.default_rng(0))
+
+
+def test_true_grasps_pinch_what_stands_there(station: HandStation) -> None:
+    stand(station, CAN, 0.47)
+    stand(station, TIN, 0.55, 0.02)
+    found = oracle(station).detect(look(station), np.random.default_rng(0))
+    assert len(found.scores) > 20
+    assert clears_table(found.X_WPs).all()
+    distances = [
+        np.linalg.norm(found.X_WPs[:, :2, 3] - (x, y), axis=1)
+        for x, y in ((0.47, 0.0), (0.55, 0.02))
+    ]
+    assert (np.minimum(*distances) < 0.035).all()
+    assert all((each < 0.035).any() for each in distances)
+
+
+def test_true_grasps_follow_an_object_that_moved(station: HandStation) -> None:
+    stand(station, CAN, 0.47)
+    finder = oracle(station)
+    before = finder.detect(look(station), np.random.default_rng(0))
+    station.place_object(CAN, make_pose(p=(0.55, 0.03, 0.0005)))
+    after = finder.detect(look(station), np.random.default_rng(0))
+    assert abs(np.median(before.X_WPs[:, 0, 3]) - 0.47) < 0.01
+    assert abs(np.median(after.X_WPs[:, 0, 3]) - 0.55) < 0.01
+
+
+def test_grasps_of_an_object_are_worked_out_once(
+    station: HandStation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    work_out = detection.object_grasps
+
+    def count(body: RigidObject, rng: np.random.Generator) -> ObjectGrasps:
+        asked.append(body.name)
+        return work_out(body, rng)
+
+    monkeypatch.setattr(detection, "object_grasps", count)
+    finder = oracle(station)
+    stand(station, CAN)
+    for _ in range(2):
+        finder.detect(look(station), np.random.default_rng(0))
+    assert asked == ["can"]
+
+
+def test_what_is_gone_has_no_grasps(station: HandStation) -> None:
+    stand(station, CAN, 0.47)
+    stand(station, TIN, 0.55)
+    finder, scene = oracle(station), look(station)
+    station.park_object(TIN)
+    found = finder.detect(scene, np.random.default_rng(0))
+    assert (found.X_WPs[:, 0, 3] < 0.51).all()
+
+
+def test_grasps_are_ranked_by_their_scores() -> None:
+    X_WGs = make_pose(p=np.arange(9.0).reshape(3, 3))
+    found = ranked(X_WGs, [0.2, 0.9, 0.2])
+    assert found.task == GRASP
+    assert found.scores.tolist() == [0.9, 0.2, 0.2]
+    assert found.X_WPs[:, 0, 3].tolist() == [3.0, 0.0, 6.0], "ties stay in their order"
+    assert len(ranked(np.empty((0, 4, 4)), ()).scores) == 0
+
+
+def test_split_is_asked_for_grasps_alone(station: HandStation, tmp_path: Path) -> None:
+    save_new_network(tmp_path / "new.safetensors")
+    stand(station, CAN)
+    found = SplitGrasps(tmp_path / "new.safetensors").detect(
+        look(station), np.random.default_rng(0)
+    )
+    assert found.task == GRASP
+    save_new_network(tmp_path / "upright.safetensors", tasks=(UPRIGHT,))
+    with pytest.raises(UnknownTaskError, match="has no task 'grasp'; it has upright"):
+        SplitGrasps(tmp_path / "upright.safetensors").detect(
+            look(station), np.random.default_rng(0)
+        )
+
+
+def test_the_side_view_shows_the_side(station: HandStation) -> None:
+    stand(station, CAN)
+    camera, scene = side_camera(LAYOUT.workspace), look(station)
+    p_CPs = transform_points(invert_pose(camera.X_WC), scene.p_WPs)
+    assert (np.abs(p_CPs[:, 2] - 0.6) < 0.1).all()
+    towards = scene.p_WPs[:, 1] < 0.005
+    assert towards.mean() > 0.8, "the camera stands at -y"
