@@ -13,6 +13,7 @@ from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
+from split_drake.experiments.provenance import file_sha256
 from split_drake.pose_task import (
     GRASP,
     MUG_TASKS,
@@ -403,3 +404,13 @@ def test_a_workspace_that_is_not_the_grids_cube_is_refused(
         save_checkpoint(checkpoint, network, replace(info, workspace=other))
     with pytest.raises(ValueError, match=message):
         SplitDetector(network, other)
+
+
+def test_the_weights_for_clutter_know_grasps_and_come_from_those_for_mugs() -> None:
+    path = default_weights().with_name("split_clutter.safetensors")
+    assert path.stat().st_size <= 20e6
+    network, info = load_checkpoint(path)
+    assert (network.tasks, info.workspace) == ((GRASP,), Workspace())
+    assert info.parent is not None
+    assert info.parent["sha256"] == file_sha256(default_weights())
+    assert not info.commit.endswith("-dirty")
