@@ -47,7 +47,8 @@ class ClutterOptions:
         seeds: how many seeds there are, from `first_seed` on.
         first_seed: of them.
         detector: SPLIT, or the true grasps of what lies there.
-        checkpoint: weights of SPLIT, which it needs: models/weights/split_clutter.safetensors is a first model.
+        checkpoint: weights of SPLIT, which it needs; a first model of clutter is
+            models/weights/split_clutter.safetensors.
         objects: "procedural", kinds that no model was trained on; "procedural-train", those to
             choose settings on; or a folder of URDF or mesh files in metres.
         noise: of the view: "gaussian" moves the sampled points by 5 mm, "dex" scales the depth
@@ -76,7 +77,8 @@ class ClutterOptions:
                 raise ValueError(f"--{flag} is {getattr(self, name)}; expected {least} or more")
         if self.detector == "split" and self.checkpoint is None:
             raise ValueError(
-                "--detector split needs --checkpoint, such as models/weights/split_clutter.safetensors"
+                "--detector split needs --checkpoint, such as "
+                "models/weights/split_clutter.safetensors"
             )
         if self.checkpoint is not None and not self.checkpoint.is_file():
             raise ValueError(f"--checkpoint: there is no file {self.checkpoint}")
