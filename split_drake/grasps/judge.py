@@ -32,6 +32,16 @@ ERRORS = 16
 # equals counts.
 TRIED_OPENINGS_M = (MAX_OPENING_M, 0.055, 0.04, 0.03)
 
+# What is thinner than this may be too thin once it has turned between the pads, about x or z.
+THICK_M = 0.014
+_SETTLING = np.array(
+    [
+        make_pose(Rotation.from_rotvec(angle * np.array(axis)).as_matrix())
+        for angle in np.radians([-24.0, -16.0, -8.0, 8.0, 16.0, 24.0])
+        for axis in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    ]
+)
+
 _PAD_X, _PAD_Z = (
     grid.ravel()
     for grid in np.meshgrid(
@@ -66,10 +76,16 @@ def opening_for(widths_m: Array) -> Array:
 
 
 class GraspJudge:
-    """Judges grasps of one mesh, given in its frame O."""
+    """Judges grasps of one mesh, given in its frame O.
 
-    def __init__(self, mesh: trimesh.Trimesh) -> None:
+    Args:
+        mesh: of the object.
+        cone_rad: half-angle of the friction cone that contacts must lie in.
+    """
+
+    def __init__(self, mesh: trimesh.Trimesh, cone_rad: float = CONE_RAD) -> None:
         self._mesh = mesh
+        self._least_cosine = np.cos(cone_rad)
         self._caster = RayCaster(mesh)
         self._p_OSurface, _ = trimesh.sample.sample_surface(mesh, SURFACE_POINTS, seed=0)
 
@@ -91,11 +107,17 @@ class GraspJudge:
         qualities = self.qualities(X_OGs, openings_m)
         return GraspCheck(qualities, openings_m, self.collides(X_OGs, openings_m))
 
-    def steadiness(self, X_OGs: Array, openings_m: Array, rng: np.random.Generator) -> Array:
+    def steadiness(
+        self,
+        X_OGs: Array,
+        openings_m: Array,
+        rng: np.random.Generator,
+        least_quality: float = MIN_QUALITY,
+    ) -> Array:
         """Return (N,) in [0, 1]: how often grasps (N, 4, 4) stay good where they are a little off.
 
         That is the share of `ERRORS` normal errors of `ERROR_M` and `ERROR_RAD` an axis with which
-        the hand, opened by `openings_m` (N,), still hits nothing and closes firmly.
+        the hand, opened by `openings_m` (N,), still hits nothing and closes with `least_quality`.
         """
         count = len(X_OGs) * ERRORS
         turns = Rotation.from_rotvec(rng.normal(0.0, ERROR_RAD, (count, 3))).as_matrix()
@@ -103,7 +125,8 @@ class GraspJudge:
             turns, rng.normal(0.0, ERROR_M, (count, 3))
         )
         check = self.check_opened(X_OGErrors, np.repeat(openings_m, ERRORS))
-        return check.good.reshape(-1, ERRORS).mean(axis=1)
+        good = (check.qualities >= least_quality) & ~check.collides
+        return good.reshape(-1, ERRORS).mean(axis=1)
 
     def qualities(self, X_OGs: Array, openings_m: Array) -> Array:
         """Return (N,) how much of the pads bears, and how far they may slide and still do.
@@ -121,8 +144,39 @@ class GraspJudge:
         ]
         return np.where(bears.any(axis=1), (share + np.minimum(*slides)) / 2.0, 0.0)
 
+    def closed_widths(self, X_OGs: Array, openings_m: Array) -> Array:
+        """Return (N,) how far the pads are apart when both have met material; 0 where one does not.
+
+        Each pad goes its own way until it meets material, as if the object slid between them.
+        """
+        ways = [self._ways(X_OGs, openings_m, side)[0].min(axis=1) for side in (1.0, -1.0)]
+        meets = (ways[0] < openings_m) & (ways[1] < openings_m)
+        return np.where(meets, np.maximum(openings_m - ways[0] - ways[1], 0.0), 0.0)
+
+    def settled_widths(self, X_OGs: Array, openings_m: Array) -> Array:
+        """Return (N,) the least of `closed_widths` as the object turns a little between the pads.
+
+        Of what is pinched askew the pads are as far apart as its faces once they lie flat on them.
+        What is `THICK_M` wide or more is left as it is.
+        """
+        widths_m = self.closed_widths(X_OGs, openings_m)
+        thin = np.flatnonzero((widths_m > 0.0) & (widths_m < THICK_M))
+        if len(thin):
+            for turn in _SETTLING:
+                turned_m = self.closed_widths(X_OGs[thin] @ turn, openings_m[thin])
+                closer = np.where(turned_m > 0.0, turned_m, THICK_M)
+                widths_m[thin] = np.minimum(widths_m[thin], closer)
+        return widths_m
+
     def _bears(self, X_OGs: Array, openings_m: Array, side: float) -> NDArray[np.bool_]:
         """Return (N, L): whether the pad at y = side * opening / 2 bears along its lines."""
+        distances, cosines = self._ways(X_OGs, openings_m, side)
+        square = cosines > self._least_cosine
+        stops = distances.min(axis=1, keepdims=True) + BEARING_DEPTH_M
+        return square & (distances < openings_m[:, None]) & (distances < stops)
+
+    def _ways(self, X_OGs: Array, openings_m: Array, side: float) -> tuple[Array, Array]:
+        """Return (N, L) how far a pad's lines run to what they meet, and how squarely they do."""
         shape = (len(X_OGs), len(_PAD_X))
         p_GMiddles = np.column_stack([_PAD_X, np.zeros_like(_PAD_X), _PAD_Z])
         outward = side * X_OGs[:, None, :3, 1]
@@ -130,10 +184,7 @@ class GraspJudge:
         inward = np.broadcast_to(-outward, (*shape, 3)).reshape(-1, 3)
         hits, faces = self._caster.cast(origins.reshape(-1, 3), inward)
         cosines = np.einsum("ni,ni->n", self._mesh.face_normals[faces], -inward)
-        distances = hits.reshape(shape)
-        square = (cosines > np.cos(CONE_RAD)).reshape(shape)
-        stops = distances.min(axis=1, keepdims=True) + BEARING_DEPTH_M
-        return square & (distances < openings_m[:, None]) & (distances < stops)
+        return hits.reshape(shape).astype(float), cosines.reshape(shape)
 
     def collides(self, X_OGs: Array, openings_m: Array) -> NDArray[np.bool_]:
         """Return (N,): whether the hand, or its way in along z_G, holds a point of the surface."""

@@ -61,8 +61,12 @@ class GraspLabels:
     X_OGnegatives: Array
 
 
-def _antipodal_lines(
-    mesh: trimesh.Trimesh, count: int, rng: np.random.Generator, min_width_m: float
+def antipodal_lines(
+    mesh: trimesh.Trimesh,
+    count: int,
+    rng: np.random.Generator,
+    min_width_m: float,
+    cone_rad: float = CONE_RAD,
 ) -> Array:
     """Return (N, 2, 3) ends of lines across material that start and end within friction cones.
 
@@ -78,7 +82,7 @@ def _antipodal_lines(
     for crossing in range(2 * EXITS - 1):
         distances, met = caster.cast(p_OAs + (reached + step)[:, None] * inward, inward)
         reached = reached + step + distances
-        square = np.einsum("ni,ni->n", mesh.face_normals[met], inward) > np.cos(CONE_RAD)
+        square = np.einsum("ni,ni->n", mesh.face_normals[met], inward) > np.cos(cone_rad)
         kept = (met >= 0) & square & (reached > min_width_m) & (reached < MAX_WIDTH_M)
         if crossing % 2 == 0:
             ends = p_OAs[kept] + reached[kept, None] * inward[kept]
@@ -95,7 +99,15 @@ def antipodal_candidates(
     min_width_m: float = MIN_WIDTH_M,
 ) -> tuple[Array, Array]:
     """Return grasps (N, 4, 4) whose pads' centres face each other across material, and widths."""
-    lines = np.tile(_antipodal_lines(mesh, count, rng, min_width_m), (turns, 1, 1))
+    return turned_about(antipodal_lines(mesh, count, rng, min_width_m), turns, rng)
+
+
+def turned_about(lines: Array, turns: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return grasps (N * turns, 4, 4) across lines (N, 2, 3), turned about them anyhow, and widths.
+
+    G lies in the middle of a line, its y along it.
+    """
+    lines = np.tile(lines, (turns, 1, 1))
     span = lines[:, 1] - lines[:, 0]
     widths = np.linalg.norm(span, axis=1)
     y = span / widths[:, None]

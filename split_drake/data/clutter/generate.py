@@ -21,6 +21,7 @@ from split_drake.data.clutter.arrangements import Arrangement, packed, subsets
 from split_drake.data.clutter.labels import FALSE_KEPT, TRUE_KEPT, SceneGrasps, label_scene
 from split_drake.data.clutter.library import ClutterObject, GraspLibrary
 from split_drake.data.clutter.piles import PileSimulator
+from split_drake.data.clutter.sizes import clutter_source
 from split_drake.data.clutter.views import ViewRandomization, see
 from split_drake.data.dataset import (
     FORMAT_VERSION,
@@ -37,7 +38,6 @@ from split_drake.experiments.pool import InThisProcess, WorkerPool
 from split_drake.experiments.provenance import combined_sha256, file_sha256
 from split_drake.experiments.run import claim_folder
 from split_drake.files import write_json
-from split_drake.objects.procedural.split import ProceduralSource
 from split_drake.objects.task_object import ObjectSource
 from split_drake.pose_task import GRASP
 from split_drake.poses import Array
@@ -46,7 +46,7 @@ from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
 from split_drake.station.layout_file import layout_to_fields
 
-LABEL_VERSION = 1
+LABEL_VERSION = 2
 SCENES_PER_SHARD = 200
 PILE_SHARE = 0.5
 # Objects in a scene at most.
@@ -328,7 +328,7 @@ class ClutterOptions:
 def main(options: ClutterOptions) -> None:
     """Generate the scenes that the command asks for."""
     recipe = ClutterRecipe(
-        ProceduralSource(options.objects), options.library, Layout(), seed=options.seed
+        clutter_source(options.objects), options.library, Layout(), seed=options.seed
     )
     generate(recipe, options.out, options.scenes // SCENES_PER_SHARD, options.workers)
 

@@ -14,7 +14,8 @@ from split_drake.robot.gripper import MAX_OPENING_M, gripper_boxes
 
 # The hand comes in along the last 5 cm, wide open.
 APPROACH_M = 0.05
-TABLE_CLEARANCE_M = 0.002
+# The hand may come as near to the table: where a fingertip meets it, the hand closes there.
+TABLE_CLEARANCE_M = -0.001
 # Approaches must come from above by more than this share of the approach's length.
 LEAST_DESCENT = 0.05
 # A grasp is visible where the cloud shows so many points between the pads.
@@ -22,6 +23,8 @@ VISIBLE_POINTS = 6
 BETWEEN_PADS_M = (0.015, 0.5 * MAX_OPENING_M, 0.02)
 # As many grasps of one object are looked at in a scene, and kept of a scene.
 PER_OBJECT, TRUE_KEPT, FALSE_KEPT = 160, 96, 128
+# Of one object, those that hit the table, or that are hidden, which are kept as false.
+TABLE_KEPT = 8
 
 _BOXES = gripper_boxes(MAX_OPENING_M)
 _CORNERS_G = np.concatenate([trimesh.bounds.corners([b.lower, b.upper]) for b in _BOXES])
@@ -52,10 +55,13 @@ def label_scene(
     tree = cKDTree(p_WPs)
     true, weights, blocked, other = [], [], [], []
     for number, (each, X_WO) in enumerate(zip(objects, X_WOs, strict=True)):
-        count = len(each.grasps.X_OGs)
-        chosen = rng.permutation(count)[:PER_OBJECT]
-        X_WGs = X_WO @ each.grasps.X_OGs[chosen]
-        above = clears_table(X_WGs)
+        X_WGs = X_WO @ each.grasps.X_OGs
+        low = ~clears_table(X_WGs)
+        chosen = np.r_[
+            rng.permutation(np.flatnonzero(~low))[:PER_OBJECT],
+            rng.permutation(np.flatnonzero(low))[:TABLE_KEPT],
+        ]
+        X_WGs, above = X_WGs[chosen], ~low[chosen]
         seen = np.zeros(len(X_WGs), dtype=bool)
         seen[above] = visible(X_WGs[above], p_WPs, tree)
         others = [p for index, p in enumerate(surfaces) if index != number]
@@ -65,7 +71,7 @@ def label_scene(
         true.append(X_WGs[free])
         weights.append(each.grasps.weights[chosen][free])
         blocked.append(X_WGs[seen & ~free])
-        other += [X_WGs[above & ~seen][:8], X_WGs[~above][:8]]
+        other += [X_WGs[above & ~seen][:TABLE_KEPT], X_WGs[~above]]
         failing = X_WO @ each.grasps.X_OFs[rng.permutation(len(each.grasps.X_OFs))[:20]]
         other.append(failing)
     X_WGs, of = np.concatenate(true), np.concatenate(weights)

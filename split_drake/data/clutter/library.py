@@ -1,8 +1,8 @@
-"""The objects of clutter scenes with their grasps, worked out once for each object.
+"""The objects of clutter scenes with their grasps, worked out once for each object and size.
 
 ``python -m split_drake.data.clutter.library --objects train --out FILE.npz`` keeps them.  A grasp
 is antipodal, pinches at most `MAX_WIDTH_M`, so that a wide-open hand has room for its errors, and
-at least `MIN_WIDTH_M`.  It is clear of its object with the hand wide open, as the protocol has it
+at least `LEAST_WIDTH_M`.  It is clear of its object with the hand wide open, as the protocol has it
 come in.
 """
 
@@ -18,11 +18,18 @@ import trimesh
 import tyro
 from rich.progress import track
 
+from split_drake.data.clutter.sizes import clutter_source
 from split_drake.experiments.pool import InThisProcess, WorkerPool
 from split_drake.files import replacing
-from split_drake.grasps.judge import MIN_QUALITY, GraspJudge
-from split_drake.grasps.sampling import antipodal_candidates, false_grasps, spread_evenly
-from split_drake.objects.procedural.split import ProceduralSource
+from split_drake.grasps.clutter_judge import CONE_RAD, LEAST_QUALITY, LEAST_WIDTH_M
+from split_drake.grasps.judge import GraspJudge
+from split_drake.grasps.lying import grasps_from_above, resting_poses
+from split_drake.grasps.sampling import (
+    antipodal_lines,
+    false_grasps,
+    spread_evenly,
+    turned_about,
+)
 from split_drake.objects.rigid import RigidObject
 from split_drake.objects.task_object import ObjectSource, TaskObject
 from split_drake.poses import Array
@@ -30,14 +37,17 @@ from split_drake.robot.gripper import MAX_OPENING_M
 
 # Fingertips of a hand that opens by 80 mm land on what is wider than this when it is a little off.
 MAX_WIDTH_M = 0.066
-# The protocol counts a grasp whose pads end within 8 mm as failed, such as those of a bowl's wall.
-MIN_WIDTH_M = 0.010
-POINTS, TURNS = 1600, 6
+POINTS, TURNS = 1600, 4
+# Of each way that an object comes to rest, so many grasps are tried that suit it.
+PER_REST = 150
 # Pads reach 11 mm beyond G: pinched nearer their tips, what lies flat is taken clear of the table.
 MAX_BACK_M = 0.008
-# Good grasps that are looked at for steadiness, and grasps that are kept of an object.
-SIFTED, KEPT, FALSE_KEPT = 500, 400, 60
+# Good grasps that are looked at for steadiness, and that are kept: of those turned anyhow, and of
+# those from above.
+SIFTED, KEPT, FALSE_KEPT = 250, 200, 60
 SURFACE_POINTS = 400
+# From this quality on, a grasp's weight is that of its steadiness.
+FULL_QUALITY = 0.6
 
 
 @dataclass(frozen=True)
@@ -46,7 +56,7 @@ class ObjectGrasps:
 
     Attributes:
         X_OGs: (N, 4, 4) grasps that hold.
-        weights: (N,) in (0, 1]: quality times squared steadiness.
+        weights: (N,) in (0, 1]: quality, up to `FULL_QUALITY`, times squared steadiness.
         X_OFs: (M, 4, 4) grasps that fail wherever the object lies.
     """
 
@@ -57,24 +67,43 @@ class ObjectGrasps:
 
 def object_grasps(body: RigidObject, rng: np.random.Generator) -> ObjectGrasps:
     """Return grasps of an object for a hand that comes in wide open; none where none is good."""
-    judge = GraspJudge(body.mesh)
-    X_OGs, widths = antipodal_candidates(body.mesh, POINTS, TURNS, rng)
-    X_OGs = X_OGs[(widths >= MIN_WIDTH_M) & (widths <= MAX_WIDTH_M)]
-    X_OGs = _drawn_back(X_OGs, rng)
+    judge = GraspJudge(body.mesh, CONE_RAD)
+    kinds = [_good(judge, X_OGs, rng) for X_OGs in _candidates(body, rng)]
+    X_OGs = np.concatenate([X_OGs for X_OGs, _ in kinds])
+    weights = np.concatenate([weights for _, weights in kinds])
+    if not len(X_OGs):
+        return ObjectGrasps(np.empty((0, 4, 4)), np.empty(0), np.empty((0, 4, 4)))
+    return ObjectGrasps(X_OGs, weights, false_grasps(body, X_OGs, FALSE_KEPT, rng).X_OGs)
+
+
+def _good(judge: GraspJudge, X_OGs: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return the steady ones of the grasps (N, 4, 4), spread out, and their weights."""
     wide = np.full(len(X_OGs), MAX_OPENING_M)
     qualities = judge.qualities(X_OGs, wide) if len(X_OGs) else np.zeros(0)
-    firm = rng.permutation(np.flatnonzero(qualities >= MIN_QUALITY))[: 3 * SIFTED]
+    firm = rng.permutation(np.flatnonzero(qualities >= LEAST_QUALITY))[: 3 * SIFTED]
     good = firm[~judge.collides(X_OGs[firm], wide[firm])][:SIFTED] if len(firm) else firm
+    if len(good):
+        good = good[judge.settled_widths(X_OGs[good], wide[good]) >= LEAST_WIDTH_M]
     if not len(good):
-        return ObjectGrasps(np.empty((0, 4, 4)), np.empty(0), np.empty((0, 4, 4)))
-    steadiness = judge.steadiness(X_OGs[good], wide[good], rng)
-    weights = qualities[good] * steadiness**2
+        return np.empty((0, 4, 4)), np.empty(0)
+    steadiness = judge.steadiness(X_OGs[good], wide[good], rng, LEAST_QUALITY)
     steady = good[steadiness > 0.0]
+    weights = np.minimum(1.0, qualities[good] / FULL_QUALITY) * steadiness**2
     kept = spread_evenly(X_OGs[steady], KEPT)
-    if not len(kept):
-        return ObjectGrasps(np.empty((0, 4, 4)), np.empty(0), np.empty((0, 4, 4)))
-    false = false_grasps(body, X_OGs[steady[kept]], FALSE_KEPT, rng).X_OGs
-    return ObjectGrasps(X_OGs[steady[kept]], weights[steadiness > 0.0][kept], false)
+    return X_OGs[steady[kept]], weights[steadiness > 0.0][kept]
+
+
+def _candidates(body: RigidObject, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return grasps (N, 4, 4) across antipodal lines: turned anyhow, and from above as it rests."""
+    lines = antipodal_lines(body.mesh, POINTS, rng, LEAST_WIDTH_M, CONE_RAD)
+    widths = np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1)
+    lines = lines[widths <= MAX_WIDTH_M]
+    anyhow, _ = turned_about(lines, TURNS, rng)
+    from_above = [
+        grasps_from_above(lines, X_TO, PER_REST, rng)
+        for X_TO in resting_poses(body.mesh, body.p_OCom)
+    ]
+    return _drawn_back(anyhow, rng), np.concatenate(from_above)
 
 
 def _drawn_back(X_OGs: Array, rng: np.random.Generator) -> Array:
@@ -204,7 +233,7 @@ class LibraryOptions:
 
 def main(options: LibraryOptions) -> None:
     """Work out the grasps and write them."""
-    library = GraspLibrary.work_out(ProceduralSource(options.objects), options.workers)
+    library = GraspLibrary.work_out(clutter_source(options.objects), options.workers)
     options.out.parent.mkdir(parents=True, exist_ok=True)
     library.save(options.out)
     counts = np.array([len(each.X_OGs) for each in library.grasps.values()])

@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from split_drake.data.clutter.labels import clears_table
 from split_drake.data.clutter.library import MAX_WIDTH_M, ClutterObject, GraspLibrary
 from split_drake.grasps.judge import GraspJudge
+from split_drake.grasps.lying import resting_poses
 from split_drake.robot.gripper import MAX_OPENING_M
 from tests.split_drake.data.clutter.conftest import BODIES, Blocks
 
@@ -23,6 +25,15 @@ def test_a_wide_open_hand_can_take_every_grasp(library: GraspLibrary) -> None:
 def test_a_bar_is_pinched_across_what_is_narrow_enough(library: GraspLibrary) -> None:
     closing_O = np.abs(library.grasps["bar"].X_OGs[:, :3, 1])
     assert not (closing_O.argmax(axis=1) == 1).any(), "9 cm are wider than the hand"
+
+
+def test_a_bar_that_lies_flat_is_taken_from_above(library: GraspLibrary) -> None:
+    bar = BODIES["bar"]
+    X_TO = resting_poses(bar.mesh, bar.p_OCom)[0]
+    X_TGs = X_TO @ library.grasps["bar"].X_OGs
+    straight_down = X_TGs[:, 2, 2] < -0.9
+    assert straight_down.sum() > 20
+    assert clears_table(X_TGs[straight_down]).mean() > 0.3
 
 
 def test_what_is_too_wide_has_no_grasps(library: GraspLibrary) -> None:
