@@ -33,7 +33,7 @@ ERRORS = 16
 TRIED_OPENINGS_M = (MAX_OPENING_M, 0.055, 0.04, 0.03)
 
 # What is thinner than this may be too thin once it has turned between the pads, about x or z.
-THICK_M = 0.014
+THICK_M = 0.02
 _SETTLING = np.array(
     [
         make_pose(Rotation.from_rotvec(angle * np.array(axis)).as_matrix())
