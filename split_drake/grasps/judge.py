@@ -37,7 +37,7 @@ THICK_M = 0.02
 _SETTLING = np.array(
     [
         make_pose(Rotation.from_rotvec(angle * np.array(axis)).as_matrix())
-        for angle in np.radians([-24.0, -16.0, -8.0, 8.0, 16.0, 24.0])
+        for angle in np.radians(np.linspace(-24.0, 24.0, 13))
         for axis in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     ]
 )

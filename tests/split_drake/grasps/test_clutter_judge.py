@@ -81,7 +81,7 @@ def test_what_is_pinched_askew_is_as_thin_as_it_is_flat() -> None:
     askew = make_pose(DOWN @ rotation_z(np.radians(20.0)), (0.0, 0.0, 0.04))[None]
     judge, wide = GraspJudge(wall), np.full(1, MAX_OPENING_M)
     assert judge.closed_widths(askew, wide)[0] > 0.0085
-    assert judge.settled_widths(askew, wide)[0] == pytest.approx(0.008, abs=5e-4)
+    assert judge.settled_widths(askew, wide)[0] == pytest.approx(0.008, abs=7e-4)
     thick = GraspJudge(bar())
     np.testing.assert_array_equal(
         thick.settled_widths(askew, wide), thick.closed_widths(askew, wide)
