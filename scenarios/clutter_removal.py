@@ -34,6 +34,7 @@ from split_drake.files import write_json
 from split_drake.objects.files.mesh_file import ObjectFileError
 from split_drake.station.layout import Layout
 
+_ASKED = ("scene", "detector", "noise", "fit_table", "select")
 _FREE_KEYS = ("rounds", "seeds", "workers", "out")
 
 
@@ -53,6 +54,8 @@ class ClutterOptions:
             choose settings on; or a folder of URDF or mesh files in metres.
         noise: of the view: "gaussian" moves the sampled points by 5 mm, "dex" scales the depth
             image by 3% and adds a smooth error.
+        fit_table: put the scale of the depth image right by the table that it shows, for cameras
+            that misjudge all distances by one factor.
         select: the best of the grasps that are found, or any of them.
         workers: processes; outcomes do not depend on them.
         out: folder of the results; runs/clutter_removal/<time> where not given.
@@ -66,6 +69,7 @@ class ClutterOptions:
     checkpoint: Path | None = None
     objects: str = "procedural"
     noise: Noise = "gaussian"
+    fit_table: bool = False
     select: Selection = "best"
     workers: int = len(os.sched_getaffinity(0))
     out: Path | None = None
@@ -117,6 +121,7 @@ def missing_rounds(
             detector=options.detector,
             checkpoint=options.checkpoint,
             noise=options.noise,
+            fit_table=options.fit_table,
             select=options.select,
             layout=layout,
         )
@@ -169,7 +174,9 @@ def main(options: ClutterOptions) -> Path:
     if not records:
         raise SystemExit("no round was run")
     removal = Removal.of(records)
-    asked = {key: getattr(options, key) for key in ("scene", "detector", "noise", "select")}
+    asked = {
+        key: getattr(options, key) for key in ("scene", "detector", "noise", "fit_table", "select")
+    }
     asked |= {"objects_from": options.objects, "seeds": options.seeds}
     write_json(folder / "summary.json", asked | removal.to_json())
     print_removal(console, f"{options.scene}, {options.detector}, noise {options.noise}", removal)

@@ -9,6 +9,7 @@ from scipy.ndimage import zoom
 from split_drake.camera import DepthView, Intrinsics, look_at
 from split_drake.scene import Scene, Workspace
 from split_drake.station.layout import CameraPlacement
+from split_drake.table_fit import on_table
 
 Noise = Literal["none", "gaussian", "dex"]
 
@@ -36,13 +37,24 @@ def side_camera(workspace: Workspace) -> CameraPlacement:
     return CameraPlacement("side", intrinsics, look_at(target + DISTANCE_M * direction, target))
 
 
-def observe(view: DepthView, workspace: Workspace, noise: Noise, rng: np.random.Generator) -> Scene:
+def observe(
+    view: DepthView,
+    workspace: Workspace,
+    noise: Noise,
+    rng: np.random.Generator,
+    fit_table: bool = False,
+) -> Scene:
     """Return the scene that a view shows.
 
-    Raises EmptySceneError where it shows nothing of the workspace.
+    Args:
+        fit_table: put the depth image's scale right by the table that it shows.
+
+    Raises EmptySceneError where it shows nothing of the workspace, or no table to fit.
     """
     if noise == "dex":
         view = replace(view, depth_m=dex_noise(view.depth_m, rng))
+    if fit_table:
+        view = on_table(view, workspace.p_WCenter[2])
     scene = Scene.from_views([view], workspace)
     return scene.with_noise(GAUSSIAN_M, rng) if noise == "gaussian" else scene
 

@@ -56,6 +56,7 @@ class RoundSpec:
         detector: which grasps are found.
         checkpoint: of SPLIT.
         noise: of what it sees.
+        fit_table: put the scale of what it sees right by the table.
         select: which of the grasps is tried.
         layout: of table and workspace.
     """
@@ -68,6 +69,7 @@ class RoundSpec:
     detector: DetectorName
     checkpoint: Path | None
     noise: Noise
+    fit_table: bool
     select: Selection
     layout: Layout
 
@@ -158,9 +160,11 @@ class ClutterRound:
     def _look(self) -> PoseSet:
         """Return the grasps that are found now; none where the view shows nothing."""
         (view,) = self._station.capture([self._camera])
-        workspace = self._spec.layout.workspace
+        spec = self._spec
         try:
-            scene = observe(view, workspace, self._spec.noise, self._noise_rng)
+            scene = observe(
+                view, spec.layout.workspace, spec.noise, self._noise_rng, spec.fit_table
+            )
         except EmptySceneError:
             return ranked(np.empty((0, 4, 4)), ())
         return self._detector.detect(scene, self._rng)

@@ -1,4 +1,4 @@
-"""Training of a network's evaluator alone, on grasps that the network drew and physics judged."""
+"""Training of a network's evaluator alone, on grasps that the network drew and that were judged."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ from split_drake.training.losses import focal_loss
 from split_drake.training.training_scenes import TrainingScenes
 from split_drake.tuning.judged_grasps import JudgedGrasps
 
-# Of each so many mugs the last is not trained on, but tells what tuning has brought.
+# Of each so many shards the last is not trained on, but tells what tuning has brought.
 HELD_OUT = 10
 MEASURED_NOISE_M = 0.005
 
@@ -35,8 +35,8 @@ class TuneConfig:
     """How the evaluator is tuned.
 
     Attributes:
-        judged: folder written by `judge`.
-        data: folder written by split_drake.data.generate.
+        judged: folder written by `judge` or `judge-clutter`.
+        data: dataset with the model's tasks, such as it was trained on.
         init: checkpoint to start from, best the one that drew the judged grasps.
         out: checkpoint to write.
         steps: optimiser steps.
@@ -78,13 +78,15 @@ class JudgedScenes:
 
     @classmethod
     def split(cls, judged: JudgedGrasps) -> tuple[Self, Self]:
-        """Return the scenes to train on, and those of the mugs that are held out.
+        """Return the scenes to train on, and those of the shards that are held out.
 
-        Raises ValueError where there are too few mugs to hold one out.
+        Raises ValueError where there are too few shards to hold one out.
         """
-        held_out = judged.mug_index % HELD_OUT == HELD_OUT - 1
+        held_out = judged.shard_index % HELD_OUT == HELD_OUT - 1
         if not held_out.any():
-            raise ValueError(f"{judged.mugs} mugs; expected at least {HELD_OUT}, to hold one out")
+            raise ValueError(
+                f"{judged.shards} shards; expected at least {HELD_OUT}, to hold one out"
+            )
         return cls._of(judged, ~held_out), cls._of(judged, held_out)
 
     @classmethod

@@ -1,13 +1,15 @@
-"""Tune a checkpoint's evaluator on grasps that the model drew itself, judged by physics.
+"""Tune a checkpoint's evaluator on grasps that the model drew itself, and that were judged.
 
     python -m split_drake.tuning.tune_evaluator judge --checkpoint F --out DIR
+    python -m split_drake.tuning.tune_evaluator judge-clutter --checkpoint F --library L --out DIR
     python -m split_drake.tuning.tune_evaluator tune --judged DIR --data DIR --init F --out FILE
 
 Training shows the evaluator true poses that noise has moved, and calls them bad by how far.  What
-it has to tell apart when the model is used are poses that all look about right; which of these
-grasps hold, only trying them tells.  So the evaluator alone is trained here: on judged grasps, and
-as before on handle poses, upright poses and false grasps.  Encoder and score stay as they were: the
-tuned model draws the same samples, and ranks them otherwise.
+it has to tell apart when the model is used are poses that all look about right.  Which of these
+grasps hold is found out by trying them: in physics on mugs, by geometry in clutter.  So the
+evaluator alone is trained here: on judged grasps, and as before on poses of other tasks and false
+grasps.  Encoder and score stay as they were: the tuned model draws the same samples, and ranks them
+otherwise.
 """
 
 from dataclasses import asdict, replace
@@ -33,13 +35,15 @@ from split_drake.tuning.evaluator_tuning import (
     ranking_quality,
     tune_steps,
 )
-from split_drake.tuning.judged_grasps import JudgeConfig, JudgedGrasps, judge
+from split_drake.tuning.judged_clutter import JudgeClutterConfig, judge_clutter
+from split_drake.tuning.judged_grasps import JudgedGrasps
+from split_drake.tuning.judged_mugs import JudgeConfig, judge
 
 LOG_STEPS = 100
 
 
 def tune(config: TuneConfig) -> None:
-    """Tune, print what it brought on mugs that were held out, and write the checkpoint."""
+    """Tune, print what it brought on shards that were held out, and write the checkpoint."""
     console = Console(soft_wrap=True)
     network, info = load_checkpoint(config.init)
     dataset = SceneDataset.open(config.data)
@@ -47,7 +51,7 @@ def tune(config: TuneConfig) -> None:
         scenes = TrainingScenes.of(dataset, network.tasks, torch.device("cpu"))
     except UnknownTaskError as error:
         raise SystemExit(f"{config.data}: {error}") from error
-    judged = JudgedGrasps.open(config.judged, mug_names("train"))
+    judged = JudgedGrasps.open(config.judged)
     _require_one_workspace(config, info.workspace, dataset.workspace, judged.workspace)
     used, held_out = JudgedScenes.split(judged)
     before = ranking_quality(network, held_out)
@@ -58,7 +62,7 @@ def tune(config: TuneConfig) -> None:
             console.print(f"step {len(losses)}  focal {np.mean(losses[-LOG_STEPS:]):.5f}")
     after = ranking_quality(network.eval(), held_out)
     for name in before:
-        console.print(f"{name}, held-out mugs: {before[name]:.3f} before, {after[name]:.3f} after")
+        console.print(f"{name}, held out: {before[name]:.3f} before, {after[name]:.3f} after")
     metrics = {"tuning": {"before": before, "after": after}}
     save_checkpoint(config.out, network, _tuned_info(config, info, dataset.dataset_hash, metrics))
 
@@ -90,14 +94,22 @@ def _tuned_info(
     )
 
 
-def main(config: JudgeConfig | TuneConfig) -> None:
-    """Run one of the two commands."""
-    if isinstance(config, JudgeConfig):
-        _, info = load_checkpoint(config.checkpoint)
-        judge(config, mug_names("train"), Layout(workspace=info.workspace))
-    else:
+def main(config: JudgeConfig | JudgeClutterConfig | TuneConfig) -> None:
+    """Run one of the commands."""
+    if isinstance(config, TuneConfig):
         tune(config)
+        return
+    _, info = load_checkpoint(config.checkpoint)
+    layout = Layout(workspace=info.workspace)
+    if isinstance(config, JudgeConfig):
+        judge(config, mug_names("train"), layout)
+    else:
+        judge_clutter(config, layout)
 
 
 if __name__ == "__main__":
-    main(tyro.extras.subcommand_cli_from_dict({"judge": JudgeConfig, "tune": TuneConfig}))
+    main(
+        tyro.extras.subcommand_cli_from_dict(
+            {"judge": JudgeConfig, "judge-clutter": JudgeClutterConfig, "tune": TuneConfig}
+        )
+    )

@@ -129,13 +129,15 @@ class ClutterScene:
         scene: what is seen.
         p_WC: (3,) where the camera stands.
         grasps: in it.
-        objects: how many there are.
+        objects: that are there, K.
+        X_WOs: (K, 4, 4) how they lie.
     """
 
     scene: Scene
     p_WC: Array
     grasps: SceneGrasps
-    objects: int
+    objects: tuple[ClutterObject, ...]
+    X_WOs: Array
 
 
 class ClutterScenes:
@@ -195,7 +197,7 @@ class ClutterScenes:
     def _labelled(
         self, objects: Sequence[ClutterObject], arrangement: Arrangement
     ) -> ClutterScene | None:
-        there = [objects[number] for number in arrangement.numbers]
+        there = tuple(objects[number] for number in arrangement.numbers)
         workspace = self._recipe.layout.workspace
         try:
             scene, p_WC = see(there, arrangement.X_WOs, workspace, self._recipe.views, self._rng)
@@ -207,7 +209,7 @@ class ClutterScenes:
         grasps = _inside(grasps, scene)
         if len(grasps.X_WGs) < LEAST_TRUE or len(grasps.X_WFs) < LEAST_FALSE:
             return None
-        return ClutterScene(scene, p_WC, grasps, len(there))
+        return ClutterScene(scene, p_WC, grasps, there, arrangement.X_WOs)
 
 
 def _inside(grasps: SceneGrasps, scene: Scene) -> SceneGrasps:

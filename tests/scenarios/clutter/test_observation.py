@@ -1,5 +1,7 @@
 """What the detectors of clutter removal see."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from scenarios.clutter.observation import GAUSSIAN_M, dex_noise, observe, side_c
 from split_drake.camera import DepthView
 from split_drake.poses import transform_points
 from split_drake.scene import EmptySceneError, Scene, Workspace
+from split_drake.table_fit import table_depth
 
 WORKSPACE = Workspace()
 CAMERA = side_camera(WORKSPACE)
@@ -55,3 +58,15 @@ def test_gaussian_noise_moves_the_sampled_points_alone() -> None:
 def test_views_of_nothing_are_empty() -> None:
     with pytest.raises(EmptySceneError):
         observe(view_of(3.0), WORKSPACE, "none", np.random.default_rng(0))
+
+
+def test_a_fitted_table_is_where_it_is() -> None:
+    table = view_of(0.6)
+    depth_m = table_depth(table, WORKSPACE.p_WCenter[2]).astype(np.float32)
+    true = replace(table, depth_m=depth_m)
+    true.depth_m[200:280, 280:360] -= np.float32(0.08)
+    rng = np.random.default_rng(3)
+    fitted = observe(true, WORKSPACE, "dex", rng, fit_table=True)
+    alone = observe(true, WORKSPACE, "none", rng)
+    assert len(fitted.p_WPs) == pytest.approx(len(alone.p_WPs), rel=0.1)
+    np.testing.assert_allclose(fitted.p_WPs.mean(axis=0), alone.p_WPs.mean(axis=0), atol=0.004)

@@ -21,14 +21,15 @@ from split_drake.split.checkpoint import load_checkpoint
 from split_drake.split.detector import SplitDetector
 from split_drake.split.sampling import StepCallback
 from split_drake.station.layout import Layout
-from split_drake.tuning import judged_grasps, tune_evaluator
+from split_drake.tuning import judged_mugs, tune_evaluator
 from split_drake.tuning.evaluator_tuning import (
     JudgedScenes,
     TuneConfig,
     ranking_quality,
     tune_steps,
 )
-from split_drake.tuning.judged_grasps import JudgeConfig, JudgedGrasps, JudgedGraspsError
+from split_drake.tuning.judged_grasps import JudgedGrasps, JudgedGraspsError
+from split_drake.tuning.judged_mugs import JudgeConfig
 from tests.helpers.checkpoints import new_network, save_new_network
 from tests.helpers.evaluation import standing
 from tests.helpers.training import BATCH, FIRM_M, make_scenes, scenes_on_cpu
@@ -37,7 +38,7 @@ from tests.helpers.training import BATCH, FIRM_M, make_scenes, scenes_on_cpu
 def judged_posts() -> JudgedGrasps:
     """Return grasps of posts: every other one at the top, and the rest, which do not hold, beside.
 
-    There are 20 scenes of 10 mugs.
+    There are 20 scenes in 10 shards.
     """
     scenes = make_scenes(20)
     sideways_m = np.array([0.0, 0.05] * 4)
@@ -47,8 +48,8 @@ def judged_posts() -> JudgedGrasps:
         clouds=scenes.clouds,
         sampled=(scenes.X_WOs[:, None] @ X_OGs).astype(np.float32),
         held=np.tile(sideways_m == 0.0, (20, 1)),
-        mug_index=np.arange(20) // 2,
-        mugs=10,
+        shard_index=np.arange(20) // 2,
+        shards=10,
         workspace=scenes.workspace,
     )
 
@@ -93,7 +94,7 @@ def test_the_tuned_checkpoint_says_where_it_comes_from(
     config: TuneConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tune_evaluator.SceneDataset, "open", lambda folder: make_scenes())
-    monkeypatch.setattr(JudgedGrasps, "open", lambda folder, names: judged_posts())
+    monkeypatch.setattr(JudgedGrasps, "open", lambda folder: judged_posts())
     save_new_network(config.init)
     tune_evaluator.tune(replace(config, steps=2))
     _, tuned = load_checkpoint(config.out)
@@ -106,8 +107,8 @@ def test_the_tuned_checkpoint_says_where_it_comes_from(
 
 def test_too_few_mugs_and_unjudged_grasps_are_errors(config: TuneConfig) -> None:
     posts = judged_posts()
-    few = replace(posts, mug_index=posts.mug_index % 9, mugs=9)
-    with pytest.raises(ValueError, match="9 mugs; expected at least 10"):
+    few = replace(posts, shard_index=posts.shard_index % 9, shards=9)
+    with pytest.raises(ValueError, match="9 shards; expected at least 10"):
         JudgedScenes.split(few)
     with pytest.raises(ValueError, match=r"batch\.poses_of has 8 grasps; expected 0"):
         replace(config, batch=BATCH)
@@ -152,7 +153,7 @@ def test_grasps_are_tried_where_the_hand_can_go(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setitem(mug.__dict__, "hand", hand)
     monkeypatch.setattr(mug, "draw", lambda rng: scene)
     rng = np.random.default_rng(0)
-    drawn = judged_grasps.judge_scene(mug, DetectorOfTwo(), Workspace(), rng)
+    drawn = judged_mugs.judge_scene(mug, DetectorOfTwo(), Workspace(), rng)
     assert drawn["held"].tolist() == [True, False]
     assert hand.heights_m == [0.3], "the hand cannot go below the table"
     assert drawn["clouds"].dtype == drawn["sampled"].dtype == np.float32
@@ -164,7 +165,7 @@ def judging(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> JudgeConfig:
     """Return a configuration whose scenes are posts, drawn by nothing."""
     posts = judged_posts()
     scene = {"clouds": posts.clouds[0], "sampled": posts.sampled[0], "held": posts.held[0]}
-    monkeypatch.setattr(judged_grasps, "judge_scene", lambda *_: scene)
+    monkeypatch.setattr(judged_mugs, "judge_scene", lambda *_: scene)
     monkeypatch.setattr(EvalMugs, "make", lambda *_: None)
     checkpoint = tmp_path / "split.safetensors"
     save_new_network(checkpoint)
@@ -174,30 +175,33 @@ def judging(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> JudgeConfig:
 
 def test_judged_grasps_are_kept_by_mug(judging: JudgeConfig) -> None:
     names = ["train_000", "train_001"]
-    judged_grasps.judge(judging, [], Layout())
     for name in names:
-        judged_grasps.write_judged(judging, Layout(), name)
-    read = JudgedGrasps.open(judging.out, names)
+        judged_mugs.write_judged(judging, Layout(), name)
+    judged_mugs.judge(judging, names, Layout())
+    read = JudgedGrasps.open(judging.out)
     assert read.clouds.shape == (6, 2000, 3)
     assert read.sampled.shape == (6, 8, 4, 4)
     assert read.held.tolist() == [judged_posts().held[0].tolist()] * 6
     assert read.workspace == Workspace()
-    assert (read.mug_index.tolist(), read.mugs) == ([0, 0, 0, 1, 1, 1], 2)
-    with pytest.raises(JudgedGraspsError, match=r"1 of 3 shards are missing, .*train_007\.npz"):
-        JudgedGrasps.open(judging.out, [*names, "train_007"])
+    assert (read.shard_index.tolist(), read.shards) == ([0, 0, 0, 1, 1, 1], 2)
+    (judging.out / "train_001.npz").unlink()
+    with pytest.raises(JudgedGraspsError, match=r"1 of 2 shards are missing, .*train_001\.npz"):
+        JudgedGrasps.open(judging.out)
+    with pytest.raises(JudgedGraspsError, match="does not say of which workspace"):
+        JudgedGrasps.open(judging.out.parent)
 
 
 def test_judging_goes_on_only_where_it_was_the_same(judging: JudgeConfig) -> None:
-    judged_grasps.write_judged(judging, Layout(), "train_000")
+    judged_mugs.write_judged(judging, Layout(), "train_000")
     shard = judging.out / "train_000.npz"
     before = shard.stat().st_mtime_ns
-    judged_grasps.judge(judging, ["train_000"], Layout())
+    judged_mugs.judge(judging, ["train_000"], Layout())
     assert shard.stat().st_mtime_ns == before, "what is there is not judged again"
     with pytest.raises(AnotherRunError, match=r"another run \(samples was 16, is 4\)"):
-        judged_grasps.judge(replace(judging, samples=4), ["train_000"], Layout())
+        judged_mugs.judge(replace(judging, samples=4), ["train_000"], Layout())
     elsewhere = Layout(workspace=Workspace(p_WCenter=(0.4, 0.0, 0.0)))
     with pytest.raises(AnotherRunError, match=r"another run \(workspace was"):
-        judged_grasps.judge(judging, ["train_000"], elsewhere)
+        judged_mugs.judge(judging, ["train_000"], elsewhere)
 
 
 def test_impossible_counts_are_an_error(judging: JudgeConfig) -> None:
@@ -210,7 +214,7 @@ def test_files_of_two_workspaces_are_refused(
 ) -> None:
     moved = replace(judged_posts(), workspace=Workspace((0.6, 0.0, 0.0)))
     monkeypatch.setattr(tune_evaluator.SceneDataset, "open", lambda folder: make_scenes())
-    monkeypatch.setattr(JudgedGrasps, "open", lambda folder, names: moved)
+    monkeypatch.setattr(JudgedGrasps, "open", lambda folder: moved)
     save_new_network(config.init)
     with pytest.raises(
         SystemExit, match=r"expected files of one workspace: .*\(0\.6, 0\.0, 0\.0\)"

@@ -96,8 +96,9 @@ def test_a_view_is_from_the_side_and_shows_the_surfaces(
 
 def test_scenes_are_piled_and_packed_and_all_their_poses_lie_inside(recipe: ClutterRecipe) -> None:
     scenes = list(islice(ClutterScenes(recipe, np.random.default_rng(0)).draw_all(), 8))
-    assert len({scene.objects for scene in scenes}) > 1
+    assert len({len(scene.objects) for scene in scenes}) > 1
     for scene in scenes:
+        assert len(scene.objects) == len(scene.X_WOs)
         assert len(scene.grasps.X_WGs) >= module.LEAST_TRUE
         p_VGs = scene.grasps.X_WGs[:, :3, 3] - WORKSPACE.p_WV
         assert ((p_VGs > 0.0) & (p_VGs < WORKSPACE.edge_m)).all()
