@@ -5,7 +5,6 @@ Factors of real time, with five resting objects, on one core.
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.layout import Layout
 from split_drake.truth.clutter_starts import pile_start
 from split_drake.truth.removal import clutter_truth, wait_for_all_to_rest
+from tests.benchmarks.processor import processor
 from tests.split_drake.station.solids import DOWN, clear, solids, stand
 
 REPEATS = 5
@@ -36,12 +36,6 @@ def station(shared: HandStation) -> HandStation:
     return shared
 
 
-def _processor() -> str:
-    lines = Path("/proc/cpuinfo").read_text().splitlines()
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else "an unknown processor"
-
-
 def _report(
     station: HandStation, capsys: pytest.CaptureFixture[str], name: str, act: Callable[[], object]
 ) -> None:
@@ -54,7 +48,7 @@ def _report(
     with capsys.disabled():
         print(
             f"\n{name}: {max(factors):.1f} times real time (median {np.median(factors):.1f}), "
-            f"{len(station.present)} objects, {_processor()}"
+            f"{len(station.present)} objects, {processor()}"
         )
 
 
