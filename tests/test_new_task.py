@@ -40,7 +40,7 @@ from split_drake.poses import make_pose, rotation_z
 from split_drake.robot.panda import Q_HOME
 from split_drake.scene import Scene
 from split_drake.split.detector import SplitDetector
-from split_drake.split.network import SplitConfig
+from split_drake.split.network_config import SplitConfig
 from split_drake.station.layout import Layout
 from split_drake.training.batches import BatchConfig
 from split_drake.training.curves import CurvesConfig

@@ -17,7 +17,8 @@ from split_drake.files import replacing
 from split_drake.pose_task import MUG_TASKS, PoseTask
 from split_drake.scene import Workspace
 from split_drake.split.diffusion import NoiseSchedule
-from split_drake.split.network import SplitConfig, SplitNetwork
+from split_drake.split.network import SplitNetwork
+from split_drake.split.network_config import SplitConfig
 
 FORMAT = "split_drake.split"
 FORMAT_VERSION = 1

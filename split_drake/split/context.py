@@ -1,6 +1,7 @@
 """Local geometric context: scene features around a pose, along its own axes (paper IV-C)."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -62,6 +63,14 @@ class FeatureTables:
         )
         sizes = tuple(grid.shape[-1] for grid in grids)
         return cls(tables, sizes, len(grids[0]), edge_m)
+
+    def only(self, numbers: Sequence[int]) -> "FeatureTables":
+        """Return the tables with these numbers alone."""
+        return replace(
+            self,
+            tables=tuple(self.tables[number] for number in numbers),
+            sizes=tuple(self.sizes[number] for number in numbers),
+        )
 
     def lookup(self, p_VQs: Tensor) -> Tensor:
         """Return features (B, Q, sum of C) at points (B, Q, 3) in V, metres.

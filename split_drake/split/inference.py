@@ -87,17 +87,35 @@ def _linear(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
     return outputs.permute(0, 2, 3, 1).reshape(len(x), -1)
 
 
-class _Head:
-    """A `FilmMlp` whose first layer is for the features of `grids` at `points` kernel points."""
+class _Shell:
+    """Kernel points (K, 3), and the grids of one scene that are looked up there."""
 
-    def __init__(
-        self, mlp: FilmMlp, tables: FeatureTables, grids: list[_Grid], points: int
-    ) -> None:
+    def __init__(self, tables: FeatureTables, kernel: Tensor) -> None:
+        self._grids, self._kernel = _grids(tables), kernel
+        self._channels = [table.shape[1] for table in tables.tables]
+        self.width = len(kernel) * sum(self._channels)
+
+    def weights(self, columns: Tensor) -> list[Tensor]:
+        """Return a first layer's weights for the `features`, given those of the contexts."""
+        parts = columns.unflatten(1, (len(self._kernel), -1)).split(self._channels, -1)
+        return [grid.weights(c).flatten(1) for grid, c in zip(self._grids, parts, strict=True)]
+
+    def features(self, X_VPs: Tensor) -> list[Tensor]:
+        """Return what the grids show, each (N, F), around poses (N, 4, 4)."""
+        p_VQs = X_VPs[:, None, :3, 3] + self._kernel @ X_VPs[:, :3, :3].mT
+        p_VQs = p_VQs.flatten(0, 1)
+        return [grid.features(p_VQs).reshape(len(X_VPs), -1) for grid in self._grids]
+
+
+class _Head:
+    """A `FilmMlp` whose first layer is for the features of shells, and numbers of the pose."""
+
+    def __init__(self, mlp: FilmMlp, shells: Sequence[_Shell]) -> None:
         self._mlp = mlp
-        channels = [table.shape[1] for table in tables.tables]
-        of_grids, of_pose = mlp.input.weight.tensor_split([points * sum(channels)], 1)
-        columns = of_grids.unflatten(1, (points, -1)).split(channels, -1)
-        parts = [grid.weights(c).flatten(1) for grid, c in zip(grids, columns, strict=True)]
+        widths = [shell.width for shell in shells]
+        of_shells, of_pose = mlp.input.weight.tensor_split([sum(widths)], 1)
+        columns = of_shells.split(widths, 1)
+        parts = [w for shell, c in zip(shells, columns, strict=True) for w in shell.weights(c)]
         self._weights = [torch.cat([*parts, of_pose], 1)]
         self._weights += [layer.get_parameter("weight") for layer in mlp.hidden]
         self._biases = [layer.get_parameter("bias") for layer in (mlp.input, *mlp.hidden)]
@@ -130,10 +148,11 @@ class ScenePredictor:
     def __init__(self, network: SplitNetwork, occupied: Tensor, tasks: Sequence[PoseTask]) -> None:
         self._network = network
         tables = network.encode(occupied[None].to(network.device))
-        self._grids = _grids(tables)
-        points = len(network.kernel)
-        self._score_head = _Head(network.score_head, tables, self._grids, points)
-        self._evaluator_head = _Head(network.evaluator_head, tables, self._grids, points)
+        self._shells = [_Shell(tables, network.kernel)]
+        if len(network.inner_kernel):
+            self._shells.append(_Shell(network.inner_tables(tables), network.inner_kernel))
+        self._score_head = _Head(network.score_head, self._shells)
+        self._evaluator_head = _Head(network.evaluator_head, self._shells)
         indices = torch.tensor([network.tasks.index(task) for task in tasks], device=network.device)
         self._one_hot = functional.one_hot(indices, len(network.tasks)).float()
 
@@ -155,9 +174,7 @@ class ScenePredictor:
     def _features(self, X_VPs: Tensor) -> Tensor:
         """Return what the heads' first layers see, (T * N, F), of poses (T, N, 4, 4)."""
         config, X_VPs = self._network.config, X_VPs.flatten(0, 1)
-        p_VQs = X_VPs[:, None, :3, 3] + self._network.kernel @ X_VPs[:, :3, :3].mT
-        p_VQs = p_VQs.flatten(0, 1)
-        parts = [grid.features(p_VQs).reshape(len(X_VPs), -1) for grid in self._grids]
+        parts = [part for shell in self._shells for part in shell.features(X_VPs)]
         if config.pose_width:
             parts.append(pose_numbers(X_VPs, config.edge_m)[:, -config.pose_width :])
         return torch.cat(parts, 1)

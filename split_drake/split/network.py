@@ -5,105 +5,15 @@ anywhere: poses are X_VP, the table is at `SplitConfig.table_m` along z.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Literal, get_args
+from dataclasses import replace
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
 from split_drake.pose_task import PoseTask
-from split_drake.scene import Workspace
 from split_drake.split.context import FeatureTables, in_pose_axes, point_kernel, pose_numbers
-from split_drake.split.diffusion import NoiseSchedule
-
-INPUT_CHANNELS = 2  # occupied; below the table
-
-ContextKind = Literal["local", "global"]
-ScoreFrame = Literal["sample", "global"]
-
-
-@dataclass(frozen=True)
-class SplitConfig:
-    """What it takes to rebuild a network.
-
-    The defaults are SPLIT; the other values of `context` and `score_frame` take away one of its two
-    ideas each, locality and symmetry (paper IV-B), and exist for `split_drake.studies.ablate`.
-
-    Attributes:
-        channels: of the encoder's blocks; each halves the resolution.
-        context_grids: which grids the context is made of: 0 is the input, i the output of block i.
-        kernel_offset_m: distance of the six outer kernel points (paper: 8 cm).
-        width, layers: of the score and evaluator MLPs.
-        frequencies: Gaussian Fourier features of log sigma, a sine and a cosine each.
-        condition_width: of the vector that FiLM layers are conditioned on.
-        resolution, edge_m: of the input grid.
-        table_m: height of the table above V.
-        noise: schedule that the score head was trained for.
-        context: what scores are predicted from.  "local": features at the kernel's points around
-            the pose.  "global": one latent of the whole scene and the numbers of the pose, as in
-            SE(3)-DiffusionFields; `context_grids` and `kernel_offset_m` have no part in it.
-        score_frame: the axes that the score head answers in: "sample", the pose's own, or "global",
-            those of V, for which it is told the pose's rotation.
-    """
-
-    channels: tuple[int, ...] = (16, 32, 64, 96, 128)
-    context_grids: tuple[int, ...] = (0, 1, 2, 3, 5)
-    kernel_offset_m: float = 0.08
-    width: int = 256
-    layers: int = 8
-    frequencies: int = 32
-    condition_width: int = 64
-    resolution: int = 64
-    edge_m: float = 0.3
-    table_m: float = 0.05
-    noise: NoiseSchedule = field(default_factory=NoiseSchedule)
-    context: ContextKind = "local"
-    score_frame: ScoreFrame = "sample"
-
-    def __post_init__(self) -> None:
-        needed = 2 ** (len(self.channels) + 1)
-        if self.resolution < needed:
-            raise ValueError(f"resolution is {self.resolution}; the blocks need {needed} or more")
-        if not set(self.context_grids) <= set(range(len(self.channels) + 1)):
-            raise ValueError(
-                f"context_grids={self.context_grids}; expected numbers from 0 to "
-                f"{len(self.channels)}"
-            )
-        if self.layers < 3:
-            raise ValueError(f"layers is {self.layers}; expected at least 3")
-        for name, choices in (("context", ContextKind), ("score_frame", ScoreFrame)):
-            if (value := getattr(self, name)) not in get_args(choices):
-                raise ValueError(f"{name} is {value!r}; expected one of {get_args(choices)}")
-
-    def require_cube_of(self, workspace: Workspace) -> None:
-        """Raise ValueError where the grid is not as large and as deep as a workspace's cube."""
-        if (self.edge_m, self.table_m) != (workspace.edge_m, workspace.depth_below_m):
-            raise ValueError(
-                f"the network's grid has edge_m={self.edge_m} and table_m={self.table_m}; the "
-                f"workspace has edge_m={workspace.edge_m} and "
-                f"depth_below_m={workspace.depth_below_m}: expected the same"
-            )
-
-    @property
-    def latent_width(self) -> int:
-        """Features of a scene in the global context: about as many parameters as the local one."""
-        return 2 * self.width
-
-    @property
-    def pose_width(self) -> int:
-        """How many of the `pose_numbers`, the last of them, stand at the end of a context."""
-        if self.context == "global":
-            return 12
-        return 9 if self.score_frame == "global" else 0
-
-    @property
-    def context_width(self) -> int:
-        """Features of a pose's context: those of the scene, then numbers of the pose itself."""
-        if self.context == "global":
-            return self.latent_width + self.pose_width
-        channels = (INPUT_CHANNELS, *self.channels)
-        return 7 * sum(channels[grid] for grid in self.context_grids) + self.pose_width
+from split_drake.split.network_config import INPUT_CHANNELS, SplitConfig
 
 
 class ConvLayer(nn.Sequential):
@@ -207,6 +117,7 @@ class SplitNetwork(nn.Module):
     """
 
     kernel: Tensor
+    inner_kernel: Tensor
     frequencies: Tensor
 
     def __init__(self, config: SplitConfig, tasks: Sequence[PoseTask]) -> None:
@@ -229,16 +140,23 @@ class SplitNetwork(nn.Module):
         kernel = point_kernel(config.kernel_offset_m)
         # A latent is the same at all points: the centre is enough.
         self.register_buffer("kernel", kernel if config.context == "local" else kernel[:1])
+        inner = [point_kernel(offset_m)[1:] for offset_m in config.inner_offsets_m]
+        # The configuration tells them, so that they need not be kept with the weights.
+        points = torch.cat([torch.zeros(0, 3), *inner])
+        self.register_buffer("inner_kernel", points, persistent=False)
         self.register_buffer("frequencies", torch.randn(config.frequencies))
 
     def take_over(self, other: "SplitNetwork") -> None:
         """Take over the weights of a network of the same architecture that knows all these tasks.
 
         The heads see tasks one-hot: of their first layers the columns of these tasks are taken.
+        The other network may do without inner points: these start without a say.
 
         Raises ValueError where the architecture is another, or a task is missing.
         """
-        if other.config != self.config:
+        without = replace(self.config, inner_offsets_m=(), inner_grids=other.config.inner_grids)
+        widened = other.config == without != self.config
+        if not widened and other.config != self.config:
             raise ValueError(
                 f"the other network is of another architecture, {other.config}, not {self.config}"
             )
@@ -250,7 +168,16 @@ class SplitNetwork(nn.Module):
         for name in ("score_condition.0.weight", "evaluator_condition.0.weight"):
             of_tasks, rest = weights[name].tensor_split([len(other.tasks)], 1)
             weights[name] = torch.cat([of_tasks[:, columns.to(of_tasks.device)], rest], 1)
+        if widened:
+            for name in ("score_head.input.weight", "evaluator_head.input.weight"):
+                weights[name] = self._with_inner_columns(weights[name])
         self.load_state_dict(weights)
+
+    def _with_inner_columns(self, weight: Tensor) -> Tensor:
+        """Return a first layer's weight (width, inputs) with columns of 0 for the inner points."""
+        outer, of_pose = weight.tensor_split([weight.shape[1] - self.config.pose_width], 1)
+        inner = weight.new_zeros(len(weight), self.config.inner_width)
+        return torch.cat([outer, inner, of_pose], 1)
 
     @property
     def device(self) -> torch.device:
@@ -273,11 +200,17 @@ class SplitNetwork(nn.Module):
 
     def local_context(self, tables: FeatureTables, X_VPs: Tensor) -> Tensor:
         """Return the context (B, N, context_width) of poses (B, N, 4, 4)."""
-        context = tables.around(X_VPs, self.kernel)
-        if not self.config.pose_width:
-            return context
-        numbers = pose_numbers(X_VPs, tables.edge_m)
-        return torch.cat([context, numbers[..., -self.config.pose_width :]], -1)
+        parts = [tables.around(X_VPs, self.kernel)]
+        if len(self.inner_kernel):
+            parts.append(self.inner_tables(tables).around(X_VPs, self.inner_kernel))
+        if self.config.pose_width:
+            parts.append(pose_numbers(X_VPs, tables.edge_m)[..., -self.config.pose_width :])
+        return torch.cat(parts, -1)
+
+    def inner_tables(self, tables: FeatureTables) -> FeatureTables:
+        """Return those of a scene's tables that are looked up at the inner points."""
+        grids = self.config.context_grids
+        return tables.only([grids.index(grid) for grid in self.config.inner_grids])
 
     def score(self, context: Tensor, tasks: Tensor, sigma: Tensor) -> Tensor:
         """Return sigma * score (G, N, 6) in the poses' frames, units [length_m, rad].

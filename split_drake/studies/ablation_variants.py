@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from split_drake.pose_task import MUG_TASKS, PoseTask
-from split_drake.split.network import SplitConfig
+from split_drake.split.network_config import SplitConfig
 
 NOISE_M = 0.005
 OTHER_NOISES_M = (0.002, 0.010)

@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from split_drake.pose_task import Symmetry
-from split_drake.split.network import SplitConfig
+from split_drake.split.network_config import SplitConfig
 from split_drake.split.se3 import compose, so3_exp
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from split_drake.pose_task import PoseTask
 from split_drake.split.diffusion import NoiseSchedule, displacement, perturb, target_score
-from split_drake.split.network import SplitConfig
+from split_drake.split.network_config import SplitConfig
 from split_drake.training.augmentation import (
     AugmentationConfig,
     Similarity,

@@ -25,7 +25,7 @@ from split_drake.experiments.provenance import file_sha256, git_commit
 from split_drake.pose_task import UnknownTaskError, find_tasks
 from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, load_checkpoint, save_checkpoint
-from split_drake.split.network import SplitConfig
+from split_drake.split.network_config import SplitConfig
 from split_drake.training.batches import BatchConfig
 from split_drake.training.interruption import Interruption
 from split_drake.training.losses import Losses

@@ -11,7 +11,8 @@ import torch
 from torch import Tensor, nn
 
 from split_drake.files import replacing
-from split_drake.split.network import SplitConfig, SplitNetwork
+from split_drake.split.network import SplitNetwork
+from split_drake.split.network_config import SplitConfig
 from split_drake.training.batches import BatchConfig, draw_batch
 from split_drake.training.losses import Losses, compute_losses
 from split_drake.training.training_scenes import TrainingScenes

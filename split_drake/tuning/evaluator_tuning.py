@@ -12,7 +12,8 @@ from torch import Tensor
 from split_drake.evaluation.calibration import area_under_curve
 from split_drake.pose_task import GRASP
 from split_drake.poses import Array
-from split_drake.split.network import SplitConfig, SplitNetwork
+from split_drake.split.network import SplitNetwork
+from split_drake.split.network_config import SplitConfig
 from split_drake.training.augmentation import (
     AugmentationConfig,
     Similarity,

@@ -11,7 +11,7 @@ from split_drake.data.labels import PoseState
 from split_drake.pose_task import MUG_TASKS, PoseTask
 from split_drake.poses import Array, make_pose, rotation_z
 from split_drake.scene import Workspace
-from split_drake.split.network import SplitConfig
+from split_drake.split.network_config import SplitConfig
 from split_drake.training import batches, trainer
 from split_drake.training.training_scenes import TrainingScenes
 

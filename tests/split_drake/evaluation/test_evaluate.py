@@ -27,7 +27,7 @@ from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
 from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, default_weights, load_checkpoint
 from split_drake.split.detector import SplitDetector
-from split_drake.split.network import SplitConfig
+from split_drake.split.network_config import SplitConfig
 from split_drake.station.layout import Layout
 
 

@@ -32,7 +32,8 @@ from split_drake.split.checkpoint import (
     save_checkpoint,
 )
 from split_drake.split.detector import WIDE_TEMPERATURE, SamplerConfig, SplitDetector
-from split_drake.split.network import SplitConfig, SplitNetwork
+from split_drake.split.network import SplitNetwork
+from split_drake.split.network_config import SplitConfig
 from split_drake.split.sampling import LangevinConfig, ReverseDiffusion
 
 LID = PoseTask("lid", Symmetry.any_turn("z"), "z along the thread")

@@ -9,7 +9,8 @@ from torch import Tensor
 from split_drake.pose_task import MUG_TASKS, UPRIGHT, PoseTask, Symmetry
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.inference import ScenePredictor
-from split_drake.split.network import SplitConfig, SplitNetwork
+from split_drake.split.network import SplitNetwork
+from split_drake.split.network_config import SplitConfig
 from split_drake.split.se3 import compose, uniform_rotations
 
 SMALL = SplitConfig(channels=(4, 8, 80), width=32, layers=4, context_grids=(0, 1, 3))
@@ -20,6 +21,12 @@ CONFIGS = {
     "looked up": replace(SMALL, context_grids=(0, 1)),
     "global context": replace(SMALL, context="global"),
     "global frame": replace(SMALL, score_frame="global"),
+    "inner points": replace(
+        SMALL, context_grids=(0, 1, 3), inner_offsets_m=(0.02, 0.045), inner_grids=(3, 0)
+    ),
+    "inner points, global frame": replace(
+        SMALL, score_frame="global", inner_offsets_m=(0.04,), inner_grids=(0,)
+    ),
 }
 
 

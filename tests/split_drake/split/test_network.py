@@ -1,6 +1,7 @@
 """SPLIT's network: feature lookup, local context and its symmetry, conditioning, configuration."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -12,7 +13,8 @@ from torch.nn import functional
 from split_drake.pose_task import GRASP, MUG_TASKS, UPRIGHT, PoseTask, Symmetry
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.context import FeatureTables, in_pose_axes, point_kernel
-from split_drake.split.network import ContextKind, ScoreFrame, SplitConfig, SplitNetwork
+from split_drake.split.network import SplitNetwork
+from split_drake.split.network_config import ContextKind, ScoreFrame, SplitConfig
 from split_drake.split.se3 import compose, so3_exp, uniform_rotations
 
 EDGE_M = 0.3
@@ -246,3 +248,38 @@ def test_weights_of_more_tasks_are_taken_over() -> None:
     )
     with pytest.raises(ValueError, match="does not know handle"):
         every.take_over(some)
+
+
+@pytest.mark.parametrize("score_frame", ["sample", "global"])
+def test_inner_points_start_without_a_say(score_frame: ScoreFrame) -> None:
+    outer = small_network(score_frame=score_frame)
+    for head in (outer.score_head, outer.evaluator_head):
+        torch.nn.init.normal_(head.output.weight)
+    config = replace(outer.config, inner_offsets_m=(0.02, 0.04), inner_grids=(0, 1))
+    inner = SplitNetwork(config, outer.tasks).eval()
+    inner.take_over(outer)
+    X_VPs, tasks, sigma = random_poses(), torch.zeros(2).long(), torch.full((2,), 0.3)
+    with torch.inference_mode():
+        tables = inner.encode(random_scenes())
+        contexts = [each.local_context(tables, X_VPs) for each in (outer, inner)]
+        assert contexts[1].shape[-1] - contexts[0].shape[-1] == 2 * 6 * (2 + 4)
+        scores = [
+            each.score(context, tasks, sigma)
+            for each, context in zip((outer, inner), contexts, strict=True)
+        ]
+        logits = [
+            each.evaluate(context, tasks)
+            for each, context in zip((outer, inner), contexts, strict=True)
+        ]
+    torch.testing.assert_close(*scores)
+    torch.testing.assert_close(*logits)
+    with pytest.raises(ValueError, match="of another architecture"):
+        outer.take_over(inner)
+
+
+def test_inner_points_are_of_the_local_context() -> None:
+    config = small_network().config
+    with pytest.raises(ValueError, match=r"inner_grids=\(2,\); expected some of the context's"):
+        replace(config, inner_offsets_m=(0.04,), inner_grids=(2,))
+    with pytest.raises(ValueError, match="expected none with the global context"):
+        replace(config, context="global", inner_offsets_m=(0.04,), inner_grids=(0,))

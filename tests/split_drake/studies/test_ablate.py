@@ -18,7 +18,7 @@ from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask, UnknownTaskError, 
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights
 from split_drake.split.detector import SplitDetector
-from split_drake.split.network import SplitConfig
+from split_drake.split.network_config import SplitConfig
 from split_drake.studies import ablate
 from split_drake.studies.ablate import AblateConfig
 from split_drake.studies.ablation_detectors import ChanceRanking, ModelPerTask, make_detector

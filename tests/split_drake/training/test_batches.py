@@ -14,7 +14,7 @@ from split_drake.pose_task import GRASP, HANDLE, MUG_TASKS, UPRIGHT, PoseTask, S
 from split_drake.poses import invert_pose
 from split_drake.scene import Workspace, occupancy_grid
 from split_drake.split.diffusion import displacement, move
-from split_drake.split.network import SplitConfig
+from split_drake.split.network_config import SplitConfig
 from split_drake.training import augmentation
 from split_drake.training.augmentation import AugmentationConfig, misjudge_range
 from split_drake.training.batches import BatchConfig, TrainingBatch, draw_batch
