@@ -6,7 +6,8 @@ too, and the evaluator, which is not told the time, sees only the pose.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -63,6 +64,10 @@ class BatchConfig:
                     f"{name} is {count}; expected 0 or a positive multiple of "
                     f"poses_per_sigma={self.poses_per_sigma}"
                 )
+
+    def share(self, count: int) -> Self:
+        """Return one of `count` equal parts of a batch; they have to divide its scenes."""
+        return replace(self, scenes=self.scenes // count)
 
     def evaluator_limit(self, noise: NoiseSchedule) -> float:
         """Return how far poses may be perturbed that the evaluator should accept.

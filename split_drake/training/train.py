@@ -12,6 +12,7 @@ import json
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -34,6 +35,7 @@ from split_drake.training.precision import Precision, uses_bfloat16
 from split_drake.training.trainer import OptimizerConfig, StateError, Trainer
 from split_drake.training.training_folder import TrainingFolder
 from split_drake.training.training_scenes import TrainingScenes
+from split_drake.training.workers.team import TakeStep, require_divisible, team
 
 # What a line of the curves holds beside the tasks' losses, so that no task may be called so.
 _LINE_KEYS = frozenset(("step", "scenes", "minutes", "learning_rate", "focal"))
@@ -52,6 +54,10 @@ class TrainConfig:
         device: "auto" takes CUDA where there is one.
         precision: of matrix products and fine convolutions; "auto" takes bfloat16 where that is
             faster here: processors that only emulate it take a multiple of the time.
+        workers: processes that train together, each on its share of every batch; their gradients
+            are averaged.  On a CPU as many as there are cores are fastest: they divide the threads
+            that PyTorch would use.  The weights depend on their number, since each draws scenes of
+            its own and batch norms normalise over a share.  A run may be resumed with another one.
         seed: of weights and batches.
         tasks: names of those of the dataset's tasks that are trained; all where none is named.
         resume: go on with the run in `out`; only its length may be given anew.
@@ -69,6 +75,7 @@ class TrainConfig:
     steps: int | None = None
     device: Literal["auto", "cpu", "cuda"] = "auto"
     precision: Precision = "auto"
+    workers: int = 1
     seed: int = 0
     tasks: tuple[str, ...] = ()
     resume: bool = False
@@ -104,6 +111,8 @@ class TrainConfig:
         options = asdict(self)
         for key in ("resume", "out", "data", "init", "log_steps", "save_minutes"):
             del options[key]
+        if self.workers == 1:  # as all runs were before there was a choice
+            del options["workers"]
         return json.loads(json.dumps(options, default=str))
 
 
@@ -149,11 +158,21 @@ class TrainingRun:
         _require_fitting(config.network, dataset.workspace)
         self._trained = [task.name for task in config.batch.trained(self._tasks)]
         device = config.torch_device()
+        require_divisible(config.batch.scenes, config.workers, device)
         self._bfloat16 = uses_bfloat16(config.precision, device)
         scenes = TrainingScenes.of(dataset, self._tasks, device)
-        self._trainer = Trainer(
-            scenes, config.network, config.batch, config.optimizer, config.seed, self._bfloat16
+        if config.workers > 1:
+            scenes.share()
+        self._make_trainer = partial(
+            Trainer,
+            scenes,
+            config.network,
+            config.batch.share(config.workers),
+            config.optimizer,
+            config.seed,
+            self._bfloat16,
         )
+        self._trainer = self._make_trainer()
         if config.init is not None:
             self._start_from(config.init)
         options = config.record() | {
@@ -189,12 +208,12 @@ class TrainingRun:
         self._earlier_commits = commits[:-1] if commits[-1] == self._commit else commits
         self._console.print(f"resumed at step {self._trainer.step}")
 
-    def _windows(self, interruption: Interruption) -> Iterator[list[Losses]]:
+    def _windows(self, take_step: TakeStep, interruption: Interruption) -> Iterator[list[Losses]]:
         """Train until the end or an interruption; yield the losses of each `log_steps` steps."""
         trainer, window = self._trainer, list[Losses]()
         while (progress := self._config.progress(trainer)) < 1.0 and not interruption.requested:
             start = time.monotonic()
-            losses = trainer.take_step(progress)
+            losses = take_step(progress)
             trainer.elapsed_s += time.monotonic() - start
             window.append(Losses(losses.denoising.detach(), losses.focal.detach()))
             if trainer.step % self._config.log_steps == 0:
@@ -207,11 +226,12 @@ class TrainingRun:
         trainer, config = self._trainer, self._config
         saved_s = trainer.elapsed_s
         with (
+            team(self._make_trainer, trainer, config.workers) as take_step,
             Progress(console=self._console, disable=not self._console.is_terminal) as bar,
             Interruption() as interruption,
         ):
             task = bar.add_task("training", total=1.0)
-            for window in self._windows(interruption):
+            for window in self._windows(take_step, interruption):
                 self._report(window)
                 bar.update(task, completed=config.progress(trainer))
                 if trainer.elapsed_s - saved_s > 60.0 * config.save_minutes:

@@ -16,6 +16,7 @@ from split_drake.split.network_config import SplitConfig
 from split_drake.training.batches import BatchConfig, draw_batch
 from split_drake.training.losses import Losses, compute_losses
 from split_drake.training.training_scenes import TrainingScenes
+from split_drake.training.workers.peers import Peers
 
 
 class TrainingDivergedError(RuntimeError):
@@ -76,6 +77,7 @@ class Trainer:
         average: exponential average of its weights, in inference mode.
         step: optimiser steps taken.
         elapsed_s: time spent training, over all runs that this one continues.
+        peers: the processes that train the same network; None where this one is alone.
     """
 
     def __init__(
@@ -99,6 +101,7 @@ class Trainer:
         self._skipped = 0
         self.step = 0
         self.elapsed_s = 0.0
+        self.peers: Peers | None = None
 
     def start_from(self, network: SplitNetwork) -> None:
         """Take over the weights of a network, see `SplitNetwork.take_over`."""
@@ -108,15 +111,21 @@ class Trainer:
     def take_step(self, progress: float) -> Losses:
         """Train on one batch, at a share `progress` of the run; return the losses before it.
 
-        Raises TrainingDivergedError after several steps in a row without a finite gradient.
+        Where there are peers, all have to take the step: the batch is made of one from each.
+
+        Raises TrainingDivergedError, in all peers alike, after several steps in a row without a
+        finite gradient; PeerLostError where a peer is gone.
         """
         for group in self._adam.param_groups:
             group["lr"] = self._config.rate(self.step, progress)
-        batch = draw_batch(self._scenes, self._batch, self._split, self._generator)
+        generator = self._generator if self.peers is None else self.peers.generator(self._generator)
+        batch = draw_batch(self._scenes, self._batch, self._split, generator)
         buffers = [buffer.clone() for buffer in self.network.buffers()]
         losses = compute_losses(self.network, batch, self._bfloat16)
         self._adam.zero_grad(set_to_none=True)
         losses.total.backward()
+        if self.peers is not None:
+            losses = self.peers.average(self.network, losses)
         norm = nn.utils.clip_grad_norm_(self.network.parameters(), self._config.gradient_norm)
         self._require_finite(norm, losses)
         if self._skipped:

@@ -8,7 +8,7 @@ from split_drake.experiments.run import CONFIG, AnotherRunError, read_json_lines
 from split_drake.files import write_atomically, write_json
 
 # A resumed run may be longer or shorter; the state tells whether the device fits.
-_MAY_CHANGE = {"minutes", "steps", "device"}
+_MAY_CHANGE = {"minutes", "steps", "device", "workers"}
 
 
 class TrainingFolder:

@@ -116,6 +116,17 @@ class TrainingScenes:
     def __len__(self) -> int:
         return len(self.p_VSs)
 
+    def share(self) -> None:
+        """Move the scenes to memory that processes share, so that there is one copy for all.
+
+        Raises RuntimeError where there is not enough of it; on Linux it is that of /dev/shm.
+        """
+        of_tasks = (
+            tensor for task in self.poses for tensor in (task.X_OPs, task.weights, task.states)
+        )
+        for tensor in (self.p_VSs, self.p_VCs, self.X_VOs, self.object_index, *of_tasks):
+            tensor.share_memory_()
+
     def true_poses(
         self, task: int, chosen: Tensor, count: int, generator: torch.Generator
     ) -> Tensor:
