@@ -14,7 +14,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from scenarios.viewing.pose_drawing import pose_segments
-from split_drake.camera import Intrinsics, look_at
+from split_drake.camera import Intrinsics, look_at, project
 from split_drake.grasps.judge import feasible
 from split_drake.grasps.sampling import sample_grasps
 from split_drake.objects.mug_shape import MugShape
@@ -22,7 +22,6 @@ from split_drake.objects.mugs.split import load_mug
 from split_drake.pose_task import GRASP, HANDLE, UPRIGHT, PoseTask
 from split_drake.poses import (
     Array,
-    invert_pose,
     make_pose,
     rotation_x,
     rotation_z,
@@ -70,19 +69,12 @@ def true_poses(mug: MugShape, X_WO: Array, seed: int) -> Iterator[tuple[PoseTask
         yield task, mug.true_poses(task, X_WO)
 
 
-def _pixels(p_WPs: Array, X_WC: Array) -> Array:
-    """Return where points (..., N, 3) are seen, (..., N, 2)."""
-    p_CPs = transform_points(invert_pose(X_WC), p_WPs)
-    scaled = p_CPs[..., :2] / p_CPs[..., 2:] * (_CAMERA.fx, _CAMERA.fy)
-    return scaled + np.array([_CAMERA.cx, _CAMERA.cy])
-
-
 def _draw(axes: Axes, task: PoseTask, X_WPs: Array, X_WC: Array) -> None:
     """Draw poses over a photograph, and the axes of the first of them."""
-    lines = _pixels(pose_segments(task, X_WPs), X_WC)
+    lines = project(pose_segments(task, X_WPs), _CAMERA, X_WC)
     axes.add_collection(LineCollection(list(lines), colors=_POSE_COLOR, linewidths=2.0))
     ends = np.vstack([np.zeros(3), _AXIS_M * np.eye(3)])
-    origin, *tips = _pixels(transform_points(X_WPs[0], ends), X_WC)
+    origin, *tips = project(transform_points(X_WPs[0], ends), _CAMERA, X_WC)
     for name, color, tip in zip("xyz", _AXIS_COLORS, tips, strict=True):
         axes.annotate("", tip, origin, arrowprops={"arrowstyle": "->", "color": color, "lw": 2.5})
         x, y = origin + 1.15 * (tip - origin)

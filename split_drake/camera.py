@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from split_drake.poses import Array, check_poses, make_pose
+from split_drake.poses import Array, check_poses, invert_pose, make_pose
 
 # A camera looking at a table from further away than this was given in millimetres.
 MAX_PLAUSIBLE_DEPTH_M = 20.0
@@ -103,6 +103,17 @@ class DepthView:
         seen = above & (self.depth_m > 0.0) & np.isfinite(self.depth_m)
         p_CPs = rays[seen] * self.depth_m[seen, None]
         return p_CPs @ self.X_WC[:3, :3].T + self.X_WC[:3, 3]
+
+
+def project(p_WPs: Array, intrinsics: Intrinsics, X_WC: Array) -> Array:
+    """Return the pixels (..., 2), u to the right and v down, of points (..., 3) in W.
+
+    They must lie before the camera.
+    """
+    X_CW = invert_pose(X_WC)
+    p_CPs = p_WPs @ X_CW[:3, :3].T + X_CW[:3, 3]
+    scaled = p_CPs[..., :2] / p_CPs[..., 2:] * (intrinsics.fx, intrinsics.fy)
+    return scaled + np.array([intrinsics.cx, intrinsics.cy])
 
 
 def look_at(p_WC: ArrayLike, p_WTarget: ArrayLike, down_W: ArrayLike = (0.0, 0.0, -1.0)) -> Array:

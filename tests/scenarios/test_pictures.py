@@ -1,6 +1,7 @@
 """The commands that make pictures: true poses of a mug, moments of a recording."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,10 +9,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scenarios import picture, pose_kinds
+from scenarios import clutter_picture, picture, pose_kinds
+from scenarios.viewing.pose_drawing import score_color
 from split_drake.objects.mugs.split import load_mug
 from split_drake.pose_task import GRASP, HANDLE, MUG_TASKS
 from split_drake.poses import make_pose, rotation_x
+from tests.helpers.checkpoints import save_new_network
 
 LYING = make_pose(rotation_x(-np.pi / 2.0), (0.5, 0.0, 0.05))
 
@@ -36,6 +39,22 @@ def test_a_picture_of_poses_is_written_and_shows_them(tmp_path: Path) -> None:
     orange = (np.abs(picture_rgb - (255, 152, 0)) < 8).all(axis=-1)
     drawn = [third.sum() for third in np.array_split(orange, 3, axis=1)]
     assert min(drawn) > 20, "poses of each task"
+
+
+def test_a_picture_of_clutter_shows_grasps_in_both_scenes(tmp_path: Path) -> None:
+    checkpoint, out = tmp_path / "new.safetensors", tmp_path / "clutter.png"
+    save_new_network(checkpoint, tasks=(GRASP,))
+    options = clutter_picture.PictureOptions(checkpoint, out, seed=3, shown=5)
+    clutter_picture.main(options)
+    picture_rgb = np.asarray(Image.open(out).convert("RGB")).astype(int)
+    assert picture_rgb.shape == (460, 1200, 3)
+    halves = np.array_split(picture_rgb, 2, axis=1)
+    assert (halves[0] != halves[1]).any(axis=-1).mean() > 0.02, "two scenes"
+    band = 255 * np.array(score_color(0.5))
+    drawn = [(np.abs(half - band) < 12).all(axis=-1).sum() for half in halves]
+    assert min(drawn) > 20, "grasps of a middling score in each"
+    with pytest.raises(ValueError, match="--shown is 0; expected 1 or more"):
+        replace(options, shown=0)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,102 @@
+"""A picture of grasps in clutter.
+
+    python -m scenarios.clutter_picture --checkpoint F --out FILE.png
+
+A packed scene and a pile of objects that no model was trained on, with the grasps that SPLIT finds
+in one noisy view, coloured by score as in recordings.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tyro
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from scenarios.clutter.detection import SplitGrasps
+from scenarios.clutter.observation import observe, side_camera
+from scenarios.clutter.rounds import SceneKind, drawn_objects
+from scenarios.clutter_removal import ClutterOptions, missing_rounds
+from scenarios.viewing.pose_drawing import score_bands
+from split_drake.camera import Intrinsics, look_at, project
+from split_drake.grasps.sampling import spread_evenly
+from split_drake.pose_set import PoseSet
+from split_drake.poses import Array
+from split_drake.station.hand.hand_station import HandStation
+from split_drake.truth.clutter_starts import packed_start, pile_start
+from split_drake.truth.removal import clutter_truth
+
+_CAMERA = Intrinsics.centered(600, 460, focal_px=1050.0)
+# Looked at, from the middle of the table; from the camera's side, a little higher and nearer.
+_TARGET = np.array([0.0, 0.0, 0.03])
+_OFFSET = np.array([0.08, -0.46, 0.40])
+_STARTS = {"packed": packed_start, "pile": pile_start}
+
+
+@dataclass(frozen=True)
+class PictureOptions:
+    """What is drawn, and where to.
+
+    Attributes:
+        checkpoint: weights of SPLIT.
+        out: PNG file.
+        seed: of the rounds whose starts are shown.
+        objects: as of `scenarios.clutter_removal`.
+        shown: grasps in each scene, spread over those that are found.
+    """
+
+    checkpoint: Path
+    out: Path
+    seed: int = 0
+    objects: str = "procedural"
+    shown: int = 24
+
+    def __post_init__(self) -> None:
+        if self.shown < 1:
+            raise ValueError(f"--shown is {self.shown}; expected 1 or more")
+
+
+def detected(options: PictureOptions, scene: SceneKind) -> tuple[HandStation, PoseSet]:
+    """Return a scene's first round as it starts, and what is found in it."""
+    asked = ClutterOptions(
+        scene, 1, 1, options.seed, checkpoint=options.checkpoint, objects=options.objects
+    )
+    (spec,) = missing_rounds(asked, options.out.parent, ())
+    rng = np.random.default_rng(options.seed)
+    station = HandStation(drawn_objects(spec, rng), spec.layout)
+    _STARTS[scene](station, clutter_truth(station), rng)
+    (view,) = station.capture([side_camera(spec.layout.workspace)])
+    seen = observe(view, spec.layout.workspace, spec.noise, rng)
+    return station, SplitGrasps(options.checkpoint).detect(seen, rng)
+
+
+def draw(axes: Axes, found: PoseSet, X_WC: Array, shown: int) -> None:
+    """Draw so many of the grasps over a photograph, the best ones last."""
+    spread = np.sort(spread_evenly(found.X_WPs, shown))
+    some = PoseSet(found.task, found.X_WPs[spread], found.scores[spread])
+    for band in score_bands(some):
+        lines = project(band.segments_W, _CAMERA, X_WC)
+        axes.add_collection(LineCollection(list(lines), colors=[band.color], linewidths=1.6))
+
+
+def main(options: PictureOptions) -> None:
+    """Write the picture."""
+    figure = Figure(figsize=(12.0, 4.6))
+    figure.subplots_adjust(left=0.0, right=1.0, bottom=0.0, top=1.0, wspace=0.01)
+    scenes: tuple[SceneKind, ...] = ("packed", "pile")
+    for axes, scene in zip(figure.subplots(1, 2), scenes, strict=True):
+        station, found = detected(options, scene)
+        target = np.array(station.config.layout.workspace.p_WCenter) + _TARGET
+        X_WC = look_at(target + _OFFSET, target)
+        axes.imshow(station.photograph(_CAMERA, X_WC))
+        draw(axes, found, X_WC, options.shown)
+        axes.set_axis_off()
+        axes.set(xlim=(0, _CAMERA.width - 1), ylim=(_CAMERA.height - 1, 0))
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(options.out, dpi=100)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(PictureOptions, description=__doc__))
