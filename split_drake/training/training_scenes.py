@@ -119,13 +119,21 @@ class TrainingScenes:
     def share(self) -> None:
         """Move the scenes to memory that processes share, so that there is one copy for all.
 
-        Raises RuntimeError where there is not enough of it; on Linux it is that of /dev/shm.
+        Raises MemoryError where there is not enough of it; on Linux it is that of /dev/shm.
         """
-        of_tasks = (
+        of_tasks = [
             tensor for task in self.poses for tensor in (task.X_OPs, task.weights, task.states)
-        )
-        for tensor in (self.p_VSs, self.p_VCs, self.X_VOs, self.object_index, *of_tasks):
-            tensor.share_memory_()
+        ]
+        tensors = (self.p_VSs, self.p_VCs, self.X_VOs, self.object_index, *of_tasks)
+        try:
+            for tensor in tensors:
+                tensor.share_memory_()
+        except RuntimeError as error:
+            needed_gb = sum(tensor.nbytes for tensor in tensors) / 1e9
+            raise MemoryError(
+                f"scenes of {needed_gb:.2f} GB do not fit into the memory that processes share, "
+                f"/dev/shm on Linux; train with one process, or make it larger ({error})"
+            ) from error
 
     def true_poses(
         self, task: int, chosen: Tensor, count: int, generator: torch.Generator
