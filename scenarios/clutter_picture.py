@@ -28,7 +28,7 @@ from split_drake.station.hand.hand_station import HandStation
 from split_drake.truth.clutter_starts import packed_start, pile_start
 from split_drake.truth.removal import clutter_truth
 
-_CAMERA = Intrinsics.centered(600, 460, focal_px=1050.0)
+_CAMERA = Intrinsics.centered(600, 460, focal_px=1350.0)
 # Looked at, from the middle of the table; from the camera's side, a little higher and nearer.
 _TARGET = np.array([0.0, 0.0, 0.03])
 _OFFSET = np.array([0.08, -0.46, 0.40])
@@ -51,7 +51,7 @@ class PictureOptions:
     out: Path
     seed: int = 0
     objects: str = "procedural"
-    shown: int = 24
+    shown: int = 16
 
     def __post_init__(self) -> None:
         if self.shown < 1:

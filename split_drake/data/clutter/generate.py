@@ -46,7 +46,7 @@ from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
 from split_drake.station.layout_file import layout_to_fields
 
-LABEL_VERSION = 2
+LABEL_VERSION = 3
 SCENES_PER_SHARD = 200
 PILE_SHARE = 0.5
 # Objects in a scene at most.
@@ -98,12 +98,15 @@ class ClutterRecipe:
 
 
 class Objects:
-    """Objects of a source, made when they are first wanted; those without a grasp are left out."""
+    """Objects of a source, made when they are first wanted.
+
+    Those without a grasp lie there as well: they have to be told from others.
+    """
 
     def __init__(self, source: ObjectSource, library: GraspLibrary) -> None:
         self._source = source
         self._grasps = library.grasps
-        self._names = [name for name, each in library.grasps.items() if len(each.X_OGs)]
+        self._names = list(library.grasps)
         self._made: dict[str, ClutterObject] = {}
 
     def draw(self, count: int, rng: np.random.Generator) -> list[ClutterObject]:

@@ -25,6 +25,7 @@ from split_drake.grasps.clutter_judge import CONE_RAD, LEAST_QUALITY, LEAST_WIDT
 from split_drake.grasps.judge import GraspJudge
 from split_drake.grasps.lying import grasps_from_above, resting_poses
 from split_drake.grasps.sampling import (
+    MIN_WIDTH_M,
     antipodal_lines,
     false_grasps,
     spread_evenly,
@@ -66,13 +67,16 @@ class ObjectGrasps:
 
 
 def object_grasps(body: RigidObject, rng: np.random.Generator) -> ObjectGrasps:
-    """Return grasps of an object for a hand that comes in wide open; none where none is good."""
+    """Return grasps of an object for a hand that comes in wide open; none where none is good.
+
+    False grasps of an object without good ones look like good ones: walls that are too thin, say.
+    """
     judge = GraspJudge(body.mesh, CONE_RAD)
     kinds = [_good(judge, X_OGs, rng) for X_OGs in _candidates(body, rng)]
     X_OGs = np.concatenate([X_OGs for X_OGs, _ in kinds])
     weights = np.concatenate([weights for _, weights in kinds])
     if not len(X_OGs):
-        return ObjectGrasps(np.empty((0, 4, 4)), np.empty(0), np.empty((0, 4, 4)))
+        return ObjectGrasps(X_OGs, weights, _across_lines(body, rng)[:FALSE_KEPT])
     return ObjectGrasps(X_OGs, weights, false_grasps(body, X_OGs, FALSE_KEPT, rng).X_OGs)
 
 
@@ -95,15 +99,25 @@ def _good(judge: GraspJudge, X_OGs: Array, rng: np.random.Generator) -> tuple[Ar
 
 def _candidates(body: RigidObject, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return grasps (N, 4, 4) across antipodal lines: turned anyhow, and from above as it rests."""
-    lines = antipodal_lines(body.mesh, POINTS, rng, LEAST_WIDTH_M, CONE_RAD)
-    widths = np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1)
-    lines = lines[widths <= MAX_WIDTH_M]
+    lines = _lines(body, LEAST_WIDTH_M, rng)
     anyhow, _ = turned_about(lines, TURNS, rng)
     from_above = [
         grasps_from_above(lines, X_TO, PER_REST, rng)
         for X_TO in resting_poses(body.mesh, body.p_OCom)
     ]
     return _drawn_back(anyhow, rng), np.concatenate(from_above)
+
+
+def _across_lines(body: RigidObject, rng: np.random.Generator) -> Array:
+    """Return grasps (N, 4, 4) across antipodal lines of any width, in no order."""
+    X_OGs, _ = turned_about(_lines(body, MIN_WIDTH_M, rng), 1, rng)
+    return _drawn_back(X_OGs[rng.permutation(len(X_OGs))], rng)
+
+
+def _lines(body: RigidObject, least_m: float, rng: np.random.Generator) -> Array:
+    """Return antipodal lines (N, 2, 3) of an object, at least so long, at most `MAX_WIDTH_M`."""
+    lines = antipodal_lines(body.mesh, POINTS, rng, least_m, CONE_RAD)
+    return lines[np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1) <= MAX_WIDTH_M]
 
 
 def _drawn_back(X_OGs: Array, rng: np.random.Generator) -> Array:

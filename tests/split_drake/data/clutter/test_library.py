@@ -6,11 +6,19 @@ import numpy as np
 import pytest
 
 from split_drake.data.clutter.labels import clears_table
-from split_drake.data.clutter.library import MAX_WIDTH_M, ClutterObject, GraspLibrary
+from split_drake.data.clutter.library import (
+    FALSE_KEPT,
+    MAX_WIDTH_M,
+    ClutterObject,
+    GraspLibrary,
+    object_grasps,
+)
+from split_drake.grasps.clutter_judge import ClutterJudge
 from split_drake.grasps.judge import GraspJudge
 from split_drake.grasps.lying import resting_poses
 from split_drake.robot.gripper import MAX_OPENING_M
 from tests.split_drake.data.clutter.conftest import BODIES, Blocks
+from tests.split_drake.station.solids import solid_box
 
 
 def test_a_wide_open_hand_can_take_every_grasp(library: GraspLibrary) -> None:
@@ -40,6 +48,16 @@ def test_what_is_too_wide_has_no_grasps(library: GraspLibrary) -> None:
     assert min(BODIES["slab"].mesh.extents) > MAX_WIDTH_M
     grasps = library.grasps["slab"]
     assert (len(grasps.X_OGs), len(grasps.weights), len(grasps.X_OFs)) == (0, 0, 0)
+
+
+def test_walls_that_are_too_thin_are_false() -> None:
+    sheet = solid_box("sheet", (0.004, 0.09, 0.09))
+    grasps = object_grasps(sheet, np.random.default_rng(0))
+    assert (len(grasps.X_OGs), len(grasps.weights)) == (0, 0)
+    assert len(grasps.X_OFs) == FALSE_KEPT
+    closing_O = np.abs(grasps.X_OFs[:, :3, 1])
+    assert (closing_O.argmax(axis=1) == 0).mean() > 0.8, "across the sheet"
+    assert not ClutterJudge(sheet.mesh, -0.1).check(grasps.X_OFs).good.any()
 
 
 def test_a_library_survives_its_file(library: GraspLibrary, tmp_path: Path) -> None:
