@@ -54,10 +54,10 @@ class TrainConfig:
         device: "auto" takes CUDA where there is one.
         precision: of matrix products and fine convolutions; "auto" takes bfloat16 where that is
             faster here: processors that only emulate it take a multiple of the time.
-        workers: processes that train together, each on its share of every batch; their gradients
-            are averaged.  On a CPU as many as there are cores are fastest: they divide the threads
-            that PyTorch would use.  The weights depend on their number, since each draws scenes of
-            its own and batch norms normalise over a share.  A run may be resumed with another one.
+        workers: processes that train together on a CPU.  Each draws an equal share of every batch,
+            and their gradients are averaged.  They divide the threads that PyTorch would use.
+            ``tests/benchmarks/test_training.py`` tells whether that is faster on a machine.  The
+            weights depend on the number, but a run may be resumed with another one.
         seed: of weights and batches.
         tasks: names of those of the dataset's tasks that are trained; all where none is named.
         resume: go on with the run in `out`; only its length may be given anew.

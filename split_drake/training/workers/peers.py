@@ -14,6 +14,8 @@ from split_drake.training.losses import Losses
 
 # A process that has not answered for so long never will; a step takes about a second.
 _PATIENCE = timedelta(minutes=5)
+# What batch norms keep for inference.
+_RUNNING = ("running_mean", "running_var")
 
 
 class PeerLostError(RuntimeError):
@@ -72,9 +74,6 @@ def _running_statistics(network: nn.Module) -> list[Tensor]:
     return [
         buffer for name, buffer in network.named_buffers() if name.rpartition(".")[2] in _RUNNING
     ]
-
-
-_RUNNING = ("running_mean", "running_var")
 
 
 @contextmanager

@@ -5,6 +5,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -77,6 +78,7 @@ def _work(job: _Job, rank: int, orders: Connection) -> None:
         suppress(EOFError, ConnectionError, PeerLostError, TrainingDivergedError),
         joined(rank, job.count, job.meeting) as trainer.peers,
     ):
+        orders.send(rank)
         while True:
             trainer.take_step(orders.recv())
 
@@ -91,8 +93,11 @@ class _Worker:
         self._process.start()
         theirs.close()  # so that its end closes the pipe
 
-    def wait_until_ready(self) -> None:
-        """Return once the worker has its trainer; raise EOFError where it ended before."""
+    def wait(self) -> None:
+        """Return once the worker has its trainer, and again once it has met the others.
+
+        Raises EOFError where it ended before.
+        """
         self._orders.recv()
 
     def order(self, progress: float) -> None:
@@ -137,27 +142,31 @@ def team(make_trainer: Callable[[], Trainer], trainer: Trainer, count: int) -> I
         yield trainer.take_step
         return
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         threads = stack.enter_context(_share_of_threads(count))
-        job = _Job(make_trainer, count, threads, torch.get_float32_matmul_precision(), folder)
-        trainer.save(job.state)
         workers = list[_Worker]()
         stack.callback(_end_all, workers)
-        with _telling_of_losses(trainer, workers):
+        # The folder is gone once all have met: a process that is killed later leaves nothing.
+        with tempfile.TemporaryDirectory() as folder, _telling_of_losses(trainer, workers):
+            precision = torch.get_float32_matmul_precision()
+            job = _Job(make_trainer, count, threads, precision, Path(folder))
+            trainer.save(job.state)
             with _no_ctrl_c():
                 workers.extend(_Worker(job, rank) for rank in range(1, count))
             for worker in workers:
-                worker.wait_until_ready()
+                worker.wait()
             trainer.peers = stack.enter_context(joined(0, count, job.meeting))
+            for worker in workers:
+                worker.wait()
         stack.callback(setattr, trainer, "peers", None)
+        yield partial(_take_step, trainer, workers)
 
-        def take_step(progress: float) -> Losses:
-            with _telling_of_losses(trainer, workers):
-                for worker in workers:
-                    worker.order(progress)
-                return trainer.take_step(progress)
 
-        yield take_step
+def _take_step(trainer: Trainer, workers: Sequence[_Worker], progress: float) -> Losses:
+    """Have all take a step."""
+    with _telling_of_losses(trainer, workers):
+        for worker in workers:
+            worker.order(progress)
+        return trainer.take_step(progress)
 
 
 def _end_all(workers: Sequence[_Worker]) -> None:

@@ -98,14 +98,14 @@ def test_averaged_gradients_are_those_of_the_whole_batch(tmp_path: Path) -> None
 
 
 def three_steps(peers: Peers, folder: Path) -> None:
-    """Take three steps, of which the second process spoils the second; save each one's state."""
-    engine, draw_batch = make_trainer(), trainer.draw_batch
+    """Take three steps, of which the second process spoils the second; save each state."""
+    engine = make_trainer()
     engine.peers = peers
     for step in range(3):
-        if (peers.rank, step) == (1, 1):
-            trainer.draw_batch = draw_batch_of_nan
-        engine.take_step(0.5)
-        trainer.draw_batch = draw_batch
+        with pytest.MonkeyPatch.context() as patch:
+            if (peers.rank, step) == (1, 1):
+                patch.setattr(trainer, "draw_batch", draw_batch_of_nan)
+            engine.take_step(0.5)
         engine.save(folder / f"{peers.rank}_{step}.pt")
 
 
