@@ -2,8 +2,8 @@
 
 A floating hand tries grasps that are detected in one view from the side, and takes what it holds,
 until nothing is left, nothing is found, or two grasps in a row fail.  The folder holds config.json,
-rounds.jsonl (a line as each round ends, with every grasp) and summary.json; the same --out goes on
-where an interrupted run stopped.
+rounds.jsonl (a line as each round ends, with every grasp), summary.json, recordings/*.html and
+index.html; the same --out goes on where an interrupted run stopped.
 """
 
 import os
@@ -15,12 +15,13 @@ from typing import Any
 
 import tyro
 from rich.console import Console
-from rich.table import Table
 
 from scenarios.clutter.detection import DetectorName
 from scenarios.clutter.observation import Noise
 from scenarios.clutter.records import Removal, RoundRecord, clutter_run
+from scenarios.clutter.report import print_removal, run_title, write_report
 from scenarios.clutter.rounds import (
+    Recorded,
     RoundSpec,
     SceneKind,
     Selection,
@@ -30,12 +31,10 @@ from scenarios.clutter.rounds import (
 )
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
-from split_drake.files import write_json
 from split_drake.objects.files.mesh_file import ObjectFileError
 from split_drake.station.layout import Layout
 
-_ASKED = ("scene", "detector", "noise", "fit_table", "select")
-_FREE_KEYS = ("rounds", "seeds", "workers", "out")
+_FREE_KEYS = ("rounds", "seeds", "workers", "record", "out")
 
 
 @dataclass(frozen=True)
@@ -57,6 +56,8 @@ class ClutterOptions:
         fit_table: put the scale of the depth image right by the table that it shows, for cameras
             that misjudge all distances by one factor.
         select: the best of the grasps that are found, or any of them.
+        record: which rounds keep a recording for the browser; failures are rounds in which a grasp
+            failed or something was left.
         workers: processes; outcomes do not depend on them.
         out: folder of the results; runs/clutter_removal/<time> where not given.
     """
@@ -71,6 +72,7 @@ class ClutterOptions:
     noise: Noise = "gaussian"
     fit_table: bool = False
     select: Selection = "best"
+    record: Recorded = "failures"
     workers: int = len(os.sched_getaffinity(0))
     out: Path | None = None
 
@@ -124,6 +126,8 @@ def missing_rounds(
             fit_table=options.fit_table,
             select=options.select,
             layout=layout,
+            record=options.record,
+            folder=folder,
         )
         for seed in range(options.seeds)
         for index in range(options.rounds)
@@ -144,19 +148,6 @@ def describe(records: Sequence[RoundRecord]) -> str:
     return f"{sum(record.successes for record in records)}/{attempts} grasps"
 
 
-def print_removal(console: Console, title: str, removal: Removal) -> None:
-    """Print what rounds came to."""
-    table = Table(title=title, show_header=False)
-    counts = f"{removal.rounds} rounds, {removal.objects} objects, {removal.attempts} grasps"
-    table.add_row("tried", counts)
-    table.add_row("grasps that succeeded (GSR)", str(removal.gsr))
-    table.add_row("objects taken (DR)", str(removal.dr))
-    for head, found in (("rounds ended", removal.ended), ("grasps failed", removal.failures)):
-        for name, count in found.items():
-            table.add_row(head, f"{count}: {name}")
-    console.print(table)
-
-
 def main(options: ClutterOptions) -> Path:
     """Run what is missing of the rounds, report, and return the folder."""
     console = Console()
@@ -173,13 +164,8 @@ def main(options: ClutterOptions) -> Path:
     records = asked_records(options, run.records())
     if not records:
         raise SystemExit("no round was run")
-    removal = Removal.of(records)
-    asked = {
-        key: getattr(options, key) for key in ("scene", "detector", "noise", "fit_table", "select")
-    }
-    asked |= {"objects_from": options.objects, "seeds": options.seeds}
-    write_json(folder / "summary.json", asked | removal.to_json())
-    print_removal(console, f"{options.scene}, {options.detector}, noise {options.noise}", removal)
+    write_report(folder, records, config)
+    print_removal(console, run_title(config), Removal.of(records))
     console.print(f"results: {folder}")
     return folder
 

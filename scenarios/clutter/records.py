@@ -56,6 +56,7 @@ class RoundRecord:
         grasps: that were tried, in their order.
         ended: why it ended.
         wall_s: what it took.
+        recording: page of it, relative to the run's folder; None where none was kept.
     """
 
     seed: int
@@ -64,6 +65,7 @@ class RoundRecord:
     grasps: tuple[GraspRecord, ...]
     ended: str
     wall_s: float = 0.0
+    recording: str | None = None
 
     @classmethod
     def from_fields(cls, fields: Mapping[str, Any]) -> Self:
@@ -80,6 +82,11 @@ class RoundRecord:
     def successes(self) -> int:
         """How many of the grasps succeeded."""
         return sum(grasp.succeeded for grasp in self.grasps)
+
+    @property
+    def clean(self) -> bool:
+        """Whether no grasp failed."""
+        return self.successes == len(self.grasps)
 
 
 def clutter_run(folder: Path) -> RunFolder[RoundRecord]:

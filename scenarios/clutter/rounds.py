@@ -23,11 +23,13 @@ from scenarios.clutter.records import (
     GraspRecord,
     RoundRecord,
 )
+from scenarios.viewing.recording import Recorder, Viewpoint
 from split_drake.objects.files.folder import ObjectFolder
 from split_drake.objects.procedural.split import ProceduralSource, Split
 from split_drake.objects.rigid import RigidObject
 from split_drake.objects.task_object import ObjectSource
 from split_drake.pose_set import PoseSet
+from split_drake.pose_task import GRASP
 from split_drake.scene import EmptySceneError
 from split_drake.station.hand.grasp_execution import execute_grasp
 from split_drake.station.hand.hand_station import HandStation
@@ -38,9 +40,12 @@ from split_drake.truth.state import Truth
 
 SceneKind = Literal["packed", "pile"]
 Selection = Literal["best", "random"]
+Recorded = Literal["all", "failures", "none"]
 
 SCALES: dict[str, tuple[float, float]] = {"packed": (0.7, 0.9), "pile": (0.8, 1.0)}
 FAILURES_IN_A_ROW = 2
+# From beside the camera.
+_VIEWPOINT = Viewpoint((0.62, -0.42, 0.30), (0.5, 0.0, 0.05))
 PROCEDURAL: dict[str, Split] = {"procedural": "test", "procedural-train": "train"}
 
 
@@ -59,6 +64,8 @@ class RoundSpec:
         fit_table: put the scale of what it sees right by the table.
         select: which of the grasps is tried.
         layout: of table and workspace.
+        record: which rounds keep a recording.
+        folder: of the run, in which it is kept.
     """
 
     seed: int
@@ -72,6 +79,8 @@ class RoundSpec:
     fit_table: bool
     select: Selection
     layout: Layout
+    record: Recorded
+    folder: Path
 
 
 def object_source(objects: str, cache: Path) -> ObjectSource:
@@ -119,7 +128,10 @@ class ClutterRound:
         parts = np.random.SeedSequence([spec.seed, spec.index]).spawn(3)
         self._start_rng, self._noise_rng, self._rng = map(np.random.default_rng, parts)
         self._spec = spec
-        self._station = HandStation(drawn_objects(spec, self._start_rng), spec.layout)
+        self._recorder = None if spec.record == "none" else Recorder(_VIEWPOINT)
+        meshcat = self._recorder.meshcat if self._recorder else None
+        objects = drawn_objects(spec, self._start_rng)
+        self._station = HandStation(objects, spec.layout, meshcat=meshcat)
         self._truth: Truth = clutter_truth(self._station)
         self._camera = side_camera(spec.layout.workspace)
         self._grasps: list[GraspRecord] = []
@@ -137,10 +149,23 @@ class ClutterRound:
             start = packed_start if self._spec.scene == "packed" else pile_start
             indices = start(self._station, self._truth, self._start_rng).indices
             names = tuple(self._station.objects[index].name for index in indices)
+            if self._recorder:
+                self._recorder.start(self._station.time_s)
             ended = self._empty_table()
         except RuntimeError as error:  # Drake's contact solver
             ended = f"{BROKEN}: {error}".splitlines()[0]
-        return RoundRecord(self._spec.seed, self._spec.index, names, tuple(self._grasps), ended)
+        record = RoundRecord(self._spec.seed, self._spec.index, names, tuple(self._grasps), ended)
+        return replace(record, recording=self._save_recording(record))
+
+    def _save_recording(self, record: RoundRecord) -> str | None:
+        """Keep the recording where it is wanted; return the page's name."""
+        if self._recorder is None or not record.objects:
+            return None
+        if self._spec.record == "failures" and record.ended == EMPTIED and record.clean:
+            return None
+        name = f"recordings/{record.seed:03d}-{record.index:03d}.html"
+        self._recorder.save(self._spec.folder / name)
+        return name
 
     def _empty_table(self) -> str:
         """Try grasps until the round ends, and return why it did."""
@@ -167,11 +192,16 @@ class ClutterRound:
             )
         except EmptySceneError:
             return ranked(np.empty((0, 4, 4)), ())
-        return self._detector.detect(scene, self._rng)
+        found = self._detector.detect(scene, self._rng)
+        if self._recorder:
+            self._recorder.show_perception(scene.p_WPs, {GRASP.name: found}, self._station.time_s)
+        return found
 
     def _try(self, found: PoseSet, chosen: int) -> bool:
         """Try a grasp, remove what it took, and return whether it took something."""
         X_WG = found.X_WPs[chosen]
+        if self._recorder:
+            self._recorder.show_grasp(X_WG)
         execution = execute_grasp(self._station, X_WG)
         removal = clear_away(
             self._station, self._truth, execution.held if execution.success else ()

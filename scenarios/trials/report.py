@@ -1,6 +1,5 @@
 """What a run comes to: a table, summary.json and index.html."""
 
-import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,15 +16,9 @@ from scenarios.trials.records import (
     total_redraws,
     worst_peaks,
 )
+from scenarios.viewing.page import link, table_page, text, verdict
 from split_drake.experiments.statistics import Rate
 from split_drake.files import write_atomically, write_json
-
-_STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 70rem; color: #222 }
-table { border-collapse: collapse; width: 100% }
-th, td { text-align: left; padding: .3rem .6rem; border-bottom: 1px solid #ddd }
-.ok { color: #1a7f37 } .failed { color: #b3261e }
-"""
 
 
 def rates_by_width(records: Sequence[TrialRecord]) -> dict[str, Rate]:
@@ -94,38 +87,23 @@ def print_report(console: Console, records: Sequence[TrialRecord], title: str) -
         console.print(f"{name}: {listed or 'none'}")
 
 
-def _row(record: TrialRecord) -> str:
-    style = "ok" if record.succeeded else "failed"
-    replay = f'<a href="{html.escape(record.recording)}">replay</a>' if record.recording else ""
-    cells = (
-        str(record.index),
-        html.escape(record.mug),
-        f"{1000 * record.mug_diameter_m:.0f} mm",
-        f'<span class="{style}">{html.escape(record.outcome)}</span>',
-        html.escape(record.reason),
-        f'<span class="failed">{html.escape(", ".join(record.exceeded))}</span>',
-        replay,
+def _row(record: TrialRecord) -> tuple[str, ...]:
+    return (
+        text(record.index),
+        text(record.mug),
+        text(f"{1000 * record.mug_diameter_m:.0f} mm"),
+        verdict(record.outcome, record.succeeded),
+        text(record.reason),
+        verdict(", ".join(record.exceeded), good=False),
+        link(record.recording, "replay"),
     )
-    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
 
 
 def index_page(records: Sequence[TrialRecord], title: str) -> str:
     """Return an HTML page that lists the trials and links their recordings."""
-    heads = "".join(
-        f"<th>{head}</th>"
-        for head in ("trial", "mug", "diameter", "outcome", "reason", "limits exceeded", "")
-    )
-    rates = "".join(
-        f"<li>{html.escape(name)}: {html.escape(str(rate))}</li>"
-        for name, rate in rates_by_width(records).items()
-    )
-    rows = "\n".join(_row(record) for record in records)
-    title = html.escape(title)
-    return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
-        f"<style>{_STYLE}</style><h1>{title}</h1><ul>{rates}</ul>"
-        f"<table><tr>{heads}</tr>\n{rows}\n</table></html>\n"
-    )
+    heads = ("trial", "mug", "diameter", "outcome", "reason", "limits exceeded", "")
+    rates = [f"{name}: {rate}" for name, rate in rates_by_width(records).items()]
+    return table_page(title, rates, heads, [_row(record) for record in records])
 
 
 def write_report(

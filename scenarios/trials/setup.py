@@ -10,7 +10,7 @@ import numpy as np
 from planning.planner import Planner, make_planner
 from scenarios.trials.mug_tasks import mug_task
 from scenarios.trials.spec import TrialSpec
-from scenarios.viewing.recording import FRAMES_PER_SECOND, TrialRecorder
+from scenarios.viewing.recording import FRAMES_PER_SECOND, Recorder
 from split_drake.objects.mug_shape import MugShape
 from split_drake.station.station import Station
 from split_drake.truth.starts import NoStartError, draw_start
@@ -36,7 +36,7 @@ class Setup:
     station: Station
     truth: Truth
     redraws: Counter[str]
-    recorder: TrialRecorder | None
+    recorder: Recorder | None
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def set_up(spec: TrialSpec, rng: np.random.Generator) -> Setup:
     redraws: Counter[str] = Counter()
     reject = mug_task(spec.task).reject
     for name in spec.mug_names():
-        recorder = None if spec.record == "none" else TrialRecorder()
+        recorder = None if spec.record == "none" else Recorder()
         mug = spec.load_mug(name)
         station = Station(
             replace(spec.station, meshcat_rate_hz=FRAMES_PER_SECOND),

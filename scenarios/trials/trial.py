@@ -21,7 +21,7 @@ from scenarios.trials.perception import Perceiver
 from scenarios.trials.records import SUCCESS, TrialRecord
 from scenarios.trials.setup import TrialGenerators, planner_named, set_up
 from scenarios.trials.spec import TrialSpec
-from scenarios.viewing.recording import TrialRecorder
+from scenarios.viewing.recording import Recorder
 from split_drake.experiments.provenance import peak_memory_bytes
 from split_drake.objects.mug_shape import MugShape
 from split_drake.pose_set import PoseSet, save_pose_sets
@@ -67,7 +67,7 @@ class _ShowingPlanner:
     """A planner whose plans are drawn into a recording."""
 
     planner: Planner
-    recorder: TrialRecorder
+    recorder: Recorder
 
     def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
         outcome = self.planner.plan(problem, rng)

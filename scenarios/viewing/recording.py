@@ -1,5 +1,6 @@
 """Recordings: what a trial looked like, as one HTML page that needs no server."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,21 +29,35 @@ def _point_cloud(p_WPs: Array) -> PointCloud:
     return cloud
 
 
-class TrialRecorder:
+@dataclass(frozen=True)
+class Viewpoint:
+    """Where a recording is seen from.
+
+    Attributes:
+        p_WC: (3,) where the eye is.
+        p_WTarget: (3,) what it looks at.
+    """
+
+    p_WC: tuple[float, float, float] = (1.05, 0.36, 0.62)
+    p_WTarget: tuple[float, float, float] = (0.36, -0.17, 0.20)
+
+
+class Recorder:
     """Records a simulation together with what was perceived and planned.
 
     The station publishes its motion to `meshcat`; times are the simulation's, in seconds.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, viewpoint: Viewpoint | None = None) -> None:
         self.meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
+        self._viewpoint = viewpoint or Viewpoint()
         self._attempts = 0
         self._start_s = 0.0
 
     def start(self, time_s: float) -> None:
         """Record from `time_s`, which is now, on."""
         self._start_s = time_s
-        self.meshcat.SetCameraPose((1.05, 0.36, 0.62), (0.36, -0.17, 0.20))
+        self.meshcat.SetCameraPose(self._viewpoint.p_WC, self._viewpoint.p_WTarget)
         for helper in ("/Grid", "/Axes"):
             self.meshcat.SetProperty(helper, "visible", False)
         self.meshcat.StartRecording(
@@ -80,6 +95,11 @@ class TrialRecorder:
         for name, (task, X_WP, rgba) in chosen.items():
             segments = pose_segments(task, X_WP)
             self._draw(f"{self._path}/plan/{name}", segments, rgba, line_width=4.0)
+
+    def show_grasp(self, X_WG: Array) -> None:
+        """Show a grasp X_WG (4, 4) that was chosen of those perceived last."""
+        segments = pose_segments(GRASP, X_WG)
+        self._draw(f"{self._path}/seen/chosen", segments, _GRASP_RGBA, line_width=4.0)
 
     def hide_perception(self, time_s: float) -> None:
         """Hide cloud and pose sets from `time_s` on; the plan stays."""
