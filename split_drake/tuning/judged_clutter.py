@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from split_drake.data.clutter.generate import ClutterRecipe, ClutterScene, ClutterScenes
+from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScene, ClutterScenes
 from split_drake.data.clutter.sizes import clutter_source
 from split_drake.data.clutter.views import merged_mesh
 from split_drake.experiments.provenance import file_sha256

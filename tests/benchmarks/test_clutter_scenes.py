@@ -11,8 +11,8 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from split_drake.data.clutter.generate import ClutterRecipe, ClutterScenes
 from split_drake.data.clutter.library import GraspLibrary
+from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScenes
 from split_drake.objects.procedural.split import ProceduralSource
 from split_drake.objects.task_object import TaskObject
 from split_drake.station.layout import Layout

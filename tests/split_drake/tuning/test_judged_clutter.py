@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from split_drake.data.clutter.generate import ClutterRecipe, ClutterScene, ClutterScenes
 from split_drake.data.clutter.library import GraspLibrary
+from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScene, ClutterScenes
 from split_drake.experiments.run import AnotherRunError
 from split_drake.pose_set import ScoredPoses
 from split_drake.pose_task import PoseTask

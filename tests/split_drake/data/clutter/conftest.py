@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from split_drake.data.clutter.generate import ClutterRecipe
 from split_drake.data.clutter.library import ClutterObject, GraspLibrary
+from split_drake.data.clutter.scenes import ClutterRecipe
 from split_drake.objects.task_object import TaskObject
 from split_drake.station.layout import Layout
 from tests.split_drake.station.solids import solid_box, solid_cylinder

@@ -12,10 +12,12 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from split_drake.data.clutter import generate as module
+from split_drake.data.clutter import scenes as drawing
 from split_drake.data.clutter.arrangements import SPREAD_M, Arrangement, packed, subsets
-from split_drake.data.clutter.generate import ClutterOptions, ClutterRecipe, ClutterScenes, generate
+from split_drake.data.clutter.generate import ClutterOptions, generate
 from split_drake.data.clutter.library import ClutterObject
 from split_drake.data.clutter.piles import PileSimulator
+from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScenes
 from split_drake.data.clutter.views import ViewRandomization, merged_mesh, see
 from split_drake.data.dataset import DatasetError, SceneDataset
 from split_drake.data.labels import PoseState
@@ -99,7 +101,7 @@ def test_scenes_are_piled_and_packed_and_all_their_poses_lie_inside(recipe: Clut
     assert len({len(scene.objects) for scene in scenes}) > 1
     for scene in scenes:
         assert len(scene.objects) == len(scene.X_WOs)
-        assert len(scene.grasps.X_WGs) >= module.LEAST_TRUE
+        assert len(scene.grasps.X_WGs) >= drawing.LEAST_TRUE
         p_VGs = scene.grasps.X_WGs[:, :3, 3] - WORKSPACE.p_WV
         assert ((p_VGs > 0.0) & (p_VGs < WORKSPACE.edge_m)).all()
 
@@ -154,8 +156,8 @@ def test_generation_goes_on_and_depends_on_its_seeds_alone(
 def test_arrangements_that_show_nothing_are_an_error(
     recipe: ClutterRecipe, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "LEAST_TRUE", 10_000)
-    monkeypatch.setattr(module, "MAX_EMPTY", 3)
+    monkeypatch.setattr(drawing, "LEAST_TRUE", 10_000)
+    monkeypatch.setattr(drawing, "MAX_EMPTY", 3)
     with pytest.raises(DatasetError, match="3 arrangements in a row show no grasp"):
         next(ClutterScenes(recipe, np.random.default_rng(0)).draw_all())
 
