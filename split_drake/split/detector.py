@@ -184,7 +184,9 @@ class SplitDetector:
             )
 
 
-def single_threaded_detector(path: Path | None = None) -> SplitDetector:
+def single_threaded_detector(
+    path: Path | None = None, config: SamplerConfig | None = None
+) -> SplitDetector:
     """Return a detector of this process, on one thread: results depend on their number."""
     torch.set_num_threads(1)
-    return SplitDetector.from_checkpoint(path)
+    return SplitDetector.from_checkpoint(path, config)

@@ -9,7 +9,7 @@ import torch
 import trimesh
 
 from split_drake.objects.mugs.split import load_mug
-from split_drake.pose_task import MUG_TASKS
+from split_drake.pose_task import GRASP, MUG_TASKS
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.detector import SamplerConfig, SplitDetector
@@ -60,6 +60,12 @@ def test_one_score_evaluation(
     with torch.inference_mode():
         predictor = ScenePredictor(network, occupied, MUG_TASKS)
     measure(lambda: predictor.score(poses, 0.3))
+
+
+def test_detection_of_grasps_in_clutter(measure: Measure, scene: Scene) -> None:
+    clutter = load_checkpoint(default_weights().with_name("split_clutter.safetensors"))[0]
+    detector = SplitDetector(clutter, scene.workspace)
+    measure(lambda: detector.detect(scene, (GRASP,), np.random.default_rng(0)))
 
 
 def test_detection_of_three_pose_sets(
