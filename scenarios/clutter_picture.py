@@ -2,8 +2,8 @@
 
     python -m scenarios.clutter_picture --checkpoint F --out FILE.png
 
-A packed scene and a pile of objects that no model was trained on, with the grasps that SPLIT finds
-in one noisy view, coloured by score as in recordings.
+A packed scene and a pile of objects that no model was trained on, with grasps that SPLIT finds in
+one noisy view, coloured by score as in recordings.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ from split_drake.station.hand.hand_station import HandStation
 from split_drake.truth.clutter_starts import packed_start, pile_start
 from split_drake.truth.removal import clutter_truth
 
-_CAMERA = Intrinsics.centered(600, 460, focal_px=1350.0)
+_CAMERA = Intrinsics.centered(600, 460, focal_px=1120.0)
 # Looked at, from the middle of the table; from the camera's side, a little higher and nearer.
 _TARGET = np.array([0.0, 0.0, 0.03])
 _OFFSET = np.array([0.08, -0.46, 0.40])
@@ -44,7 +44,7 @@ class PictureOptions:
         out: PNG file.
         seed: of the rounds whose starts are shown.
         objects: as of `scenarios.clutter_removal`.
-        shown: grasps in each scene, spread over those that are found.
+        shown: grasps in each scene, spread over the better half of those that are found.
     """
 
     checkpoint: Path
@@ -73,9 +73,10 @@ def detected(options: PictureOptions, scene: SceneKind) -> tuple[HandStation, Po
 
 
 def draw(axes: Axes, found: PoseSet, X_WC: Array, shown: int) -> None:
-    """Draw so many of the grasps over a photograph, the best ones last."""
-    spread = np.sort(spread_evenly(found.X_WPs, shown))
-    some = PoseSet(found.task, found.X_WPs[spread], found.scores[spread])
+    """Draw so many of the better half of the grasps over a photograph."""
+    better = found.head(max(shown, len(found) // 2))
+    spread = np.sort(spread_evenly(better.X_WPs, shown))
+    some = PoseSet(found.task, better.X_WPs[spread], better.scores[spread])
     for band in score_bands(some):
         lines = project(band.segments_W, _CAMERA, X_WC)
         axes.add_collection(LineCollection(list(lines), colors=[band.color], linewidths=1.6))
