@@ -37,7 +37,7 @@ class SceneGrasps:
     Attributes:
         X_WGs: (T, 4, 4) true ones, T <= TRUE_KEPT.
         weights: (T,) how often to learn each, in (0, 1].
-        X_WFs: (F, 4, 4) false ones, F <= FALSE_KEPT: those in collision first.
+        X_WFs: (F, 4, 4) false ones, F <= FALSE_KEPT: those in collision first, about half of them.
     """
 
     X_WGs: Array
@@ -64,10 +64,10 @@ def label_scene(
         X_WGs, above = X_WGs[chosen], ~low[chosen]
         seen = np.zeros(len(X_WGs), dtype=bool)
         seen[above] = visible(X_WGs[above], p_WPs, tree)
-        others = [p for index, p in enumerate(surfaces) if index != number]
+        neighbours = [p for index, p in enumerate(surfaces) if index != number]
         free = seen.copy()
-        if others and seen.any():
-            free[seen] = ~hand_hits(X_WGs[seen], np.concatenate(others))
+        if neighbours and seen.any():
+            free[seen] = ~hand_hits(X_WGs[seen], np.concatenate(neighbours))
         true.append(X_WGs[free])
         weights.append(each.grasps.weights[chosen][free])
         blocked.append(X_WGs[seen & ~free])
@@ -77,7 +77,11 @@ def label_scene(
     X_WGs, of = np.concatenate(true), np.concatenate(weights)
     kept = rng.permutation(len(X_WGs))[:TRUE_KEPT]
     hits = np.concatenate(blocked)
-    false = np.concatenate([hits[rng.permutation(len(hits))], *other])[:FALSE_KEPT]
+    others = np.concatenate(other)
+    # Neither kind may crowd the other out.
+    hits = hits[rng.permutation(len(hits))[: max(FALSE_KEPT // 2, FALSE_KEPT - len(others))]]
+    others = others[rng.permutation(len(others))[: FALSE_KEPT - len(hits)]]
+    false = np.concatenate([hits, others])
     return SceneGrasps(X_WGs[kept], of[kept], false)
 
 

@@ -46,6 +46,8 @@ MAX_BACK_M = 0.008
 # Good grasps that are looked at for steadiness, and that are kept: of those turned anyhow, and of
 # those from above.
 SIFTED, KEPT, FALSE_KEPT = 250, 200, 60
+# Of false ones, those across what is too thin.
+THIN_KEPT = 40
 SURFACE_POINTS = 400
 # From this quality on, a grasp's weight is that of its steadiness.
 FULL_QUALITY = 0.6
@@ -69,15 +71,16 @@ class ObjectGrasps:
 def object_grasps(body: RigidObject, rng: np.random.Generator) -> ObjectGrasps:
     """Return grasps of an object for a hand that comes in wide open; none where none is good.
 
-    False grasps of an object without good ones look like good ones: walls that are too thin, say.
+    Some false ones pinch what is too thin: it is all that tells them from good ones.
     """
     judge = GraspJudge(body.mesh, CONE_RAD)
     kinds = [_good(judge, X_OGs, rng) for X_OGs in _candidates(body, rng)]
     X_OGs = np.concatenate([X_OGs for X_OGs, _ in kinds])
     weights = np.concatenate([weights for _, weights in kinds])
-    if not len(X_OGs):
-        return ObjectGrasps(X_OGs, weights, _across_lines(body, rng)[:FALSE_KEPT])
-    return ObjectGrasps(X_OGs, weights, false_grasps(body, X_OGs, FALSE_KEPT, rng).X_OGs)
+    X_OFs = _too_thin(body, rng)
+    if len(X_OGs):
+        X_OFs = np.concatenate([X_OFs, false_grasps(body, X_OGs, FALSE_KEPT, rng).X_OGs])
+    return ObjectGrasps(X_OGs, weights, X_OFs)
 
 
 def _good(judge: GraspJudge, X_OGs: Array, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -99,25 +102,33 @@ def _good(judge: GraspJudge, X_OGs: Array, rng: np.random.Generator) -> tuple[Ar
 
 def _candidates(body: RigidObject, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return grasps (N, 4, 4) across antipodal lines: turned anyhow, and from above as it rests."""
-    lines = _lines(body, LEAST_WIDTH_M, rng)
-    anyhow, _ = turned_about(lines, TURNS, rng)
-    from_above = [
-        grasps_from_above(lines, X_TO, PER_REST, rng)
-        for X_TO in resting_poses(body.mesh, body.p_OCom)
-    ]
-    return _drawn_back(anyhow, rng), np.concatenate(from_above)
+    lines = _lines(body, LEAST_WIDTH_M, MAX_WIDTH_M, rng)
+    return _turned_anyhow(lines, TURNS, rng), _from_above(lines, body, PER_REST, rng)
 
 
-def _across_lines(body: RigidObject, rng: np.random.Generator) -> Array:
-    """Return grasps (N, 4, 4) across antipodal lines of any width, in no order."""
-    X_OGs, _ = turned_about(_lines(body, MIN_WIDTH_M, rng), 1, rng)
-    return _drawn_back(X_OGs[rng.permutation(len(X_OGs))], rng)
+def _too_thin(body: RigidObject, rng: np.random.Generator) -> Array:
+    """Return at most `THIN_KEPT` grasps (N, 4, 4) of both kinds across less than is wide enough."""
+    lines = rng.permutation(_lines(body, MIN_WIDTH_M, LEAST_WIDTH_M, rng))[:THIN_KEPT]
+    both = [_turned_anyhow(lines, 1, rng), _from_above(lines, body, THIN_KEPT, rng)]
+    return rng.permutation(np.concatenate(both))[:THIN_KEPT]
 
 
-def _lines(body: RigidObject, least_m: float, rng: np.random.Generator) -> Array:
-    """Return antipodal lines (N, 2, 3) of an object, at least so long, at most `MAX_WIDTH_M`."""
+def _lines(body: RigidObject, least_m: float, most_m: float, rng: np.random.Generator) -> Array:
+    """Return antipodal lines (N, 2, 3) of an object that are at least and at most so long."""
     lines = antipodal_lines(body.mesh, POINTS, rng, least_m, CONE_RAD)
-    return lines[np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1) <= MAX_WIDTH_M]
+    return lines[np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1) <= most_m]
+
+
+def _from_above(lines: Array, body: RigidObject, count: int, rng: np.random.Generator) -> Array:
+    """Return grasps (N, 4, 4) across lines (M, 2, 3), at most so many of each way it rests."""
+    resting = resting_poses(body.mesh, body.p_OCom)
+    return np.concatenate([grasps_from_above(lines, X_TO, count, rng) for X_TO in resting])
+
+
+def _turned_anyhow(lines: Array, turns: int, rng: np.random.Generator) -> Array:
+    """Return grasps (N, 4, 4) across lines (M, 2, 3), each drawn back a little."""
+    X_OGs, _ = turned_about(lines, turns, rng)
+    return _drawn_back(X_OGs, rng)
 
 
 def _drawn_back(X_OGs: Array, rng: np.random.Generator) -> Array:

@@ -7,8 +7,8 @@ import pytest
 
 from split_drake.data.clutter.labels import clears_table
 from split_drake.data.clutter.library import (
-    FALSE_KEPT,
     MAX_WIDTH_M,
+    THIN_KEPT,
     ClutterObject,
     GraspLibrary,
     object_grasps,
@@ -54,7 +54,7 @@ def test_walls_that_are_too_thin_are_false() -> None:
     sheet = solid_box("sheet", (0.004, 0.09, 0.09))
     grasps = object_grasps(sheet, np.random.default_rng(0))
     assert (len(grasps.X_OGs), len(grasps.weights)) == (0, 0)
-    assert len(grasps.X_OFs) == FALSE_KEPT
+    assert len(grasps.X_OFs) == THIN_KEPT
     closing_O = np.abs(grasps.X_OFs[:, :3, 1])
     assert (closing_O.argmax(axis=1) == 0).mean() > 0.8, "across the sheet"
     assert not ClutterJudge(sheet.mesh, -0.1).check(grasps.X_OFs).good.any()
