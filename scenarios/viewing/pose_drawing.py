@@ -44,6 +44,9 @@ _SKETCHES: dict[PoseTask, Array] = {
 # Of other tasks: how long axes are drawn, and how wide a ring about the axis of any turn.
 _AXIS_M, _RING_M, _RING_CORNERS = 0.04, 0.02, 16
 
+# How far the copies of a thick line lie from it.
+_THICKNESS_M = 0.001
+
 # Score 0 to 1: red, amber, green, which stay apart in lightness for the colour-blind.
 _COLOR_STOPS = np.array([[0.70, 0.09, 0.17], [0.96, 0.73, 0.26], [0.10, 0.60, 0.31]])
 
@@ -80,6 +83,15 @@ def pose_segments(task: PoseTask, X_WPs: Array) -> Array:
     """Return the sketches of poses (N, 4, 4) as segments (N * S, 2, 3) in W."""
     points = transform_points(np.reshape(X_WPs, (-1, 4, 4)), sketch(task).reshape(-1, 3))
     return points.reshape(-1, 2, 3)
+
+
+def thickened(segments_W: Array) -> Array:
+    """Return segments (M, 2, 3) with six copies of each around it, (7 * M, 2, 3) in W, metres.
+
+    Browsers draw all lines one pixel wide, and of lines in one place they show either.
+    """
+    shifts = _THICKNESS_M * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+    return (segments_W + shifts[:, None, None]).reshape(-1, 2, 3)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pydrake.geometry import Meshcat, MeshcatParams, Rgba
 from pydrake.perception import BaseField, Fields, PointCloud
 
 from planning.problem import Plan
-from scenarios.viewing.pose_drawing import pose_segments, score_bands
+from scenarios.viewing.pose_drawing import pose_segments, score_bands, thickened
 from split_drake.files import write_atomically
 from split_drake.pose_set import PoseSets
 from split_drake.pose_task import GRASP
@@ -93,13 +93,13 @@ class Recorder:
         if not taking:
             del chosen["grasp"]
         for name, (task, X_WP, rgba) in chosen.items():
-            segments = pose_segments(task, X_WP)
-            self._draw(f"{self._path}/plan/{name}", segments, rgba, line_width=4.0)
+            segments = thickened(pose_segments(task, X_WP))
+            self._draw(f"{self._path}/plan/{name}", segments, rgba)
 
     def show_grasp(self, X_WG: Array) -> None:
         """Show a grasp X_WG (4, 4) that was chosen of those perceived last."""
-        segments = pose_segments(GRASP, X_WG)
-        self._draw(f"{self._path}/seen/chosen", segments, _GRASP_RGBA, line_width=4.0)
+        segments = thickened(pose_segments(GRASP, X_WG))
+        self._draw(f"{self._path}/seen/chosen", segments, _GRASP_RGBA)
 
     def hide_perception(self, time_s: float) -> None:
         """Hide cloud and pose sets from `time_s` on; the plan stays."""
@@ -118,6 +118,6 @@ class Recorder:
     def _set_visible(self, part: str, visible: bool, time_s: float) -> None:
         self.meshcat.SetProperty(self._path + part, "visible", visible, time_s)
 
-    def _draw(self, path: str, segments_W: Array, rgba: Rgba, line_width: float = 2.0) -> None:
+    def _draw(self, path: str, segments_W: Array, rgba: Rgba) -> None:
         start, end = (np.asfortranarray(segments_W[:, i].T) for i in (0, 1))
-        self.meshcat.SetLineSegments(path, start, end, line_width, rgba)
+        self.meshcat.SetLineSegments(path, start, end, rgba=rgba)

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from scenarios.view_poses import ViewOptions, main
-from scenarios.viewing.pose_drawing import pose_segments, score_bands, score_color, sketch
+from scenarios.viewing.pose_drawing import (
+    pose_segments,
+    score_bands,
+    score_color,
+    sketch,
+    thickened,
+)
 from split_drake.pose_set import PoseSet, save_pose_sets
 from split_drake.pose_task import GRASP, HANDLE, UPRIGHT, PoseTask, Symmetry
 from split_drake.poses import Array, make_pose, rotation_x, rotation_z
@@ -34,6 +40,16 @@ def test_a_task_without_a_sketch_of_its_own_shows_its_symmetry(
     drawn = sketch(PoseTask("lid", symmetry))
     assert same_points(drawn @ R_same.T, drawn)
     assert not same_points(drawn @ R_other.T, drawn)
+
+
+def test_thick_segments_are_not_where_thin_ones_are_alone() -> None:
+    thin = pose_segments(GRASP, np.eye(4))
+    copies = thickened(thin).reshape(7, *thin.shape)
+    np.testing.assert_array_equal(copies[0], thin)
+    np.testing.assert_allclose(copies.mean(axis=0), thin, atol=1e-12)
+    away_m = np.linalg.norm(copies[1:] - thin, axis=-1)
+    np.testing.assert_allclose(away_m, 0.001)
+    assert len(np.unique(copies[:, 0, 0], axis=0)) == 7
 
 
 def test_an_own_task_of_a_known_name_does_not_have_the_sketch_of_the_known_one() -> None:

@@ -2,17 +2,22 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from scenarios.clutter import rounds as rounds_module
+from scenarios.clutter.detection import ranked
 from scenarios.clutter.records import EMPTIED, TWO_FAILURES, GraspRecord, RoundRecord
 from scenarios.clutter.report import index_page, write_report
 from scenarios.clutter.rounds import RoundSpec, run_round
 from scenarios.clutter_removal import ClutterOptions, missing_rounds
 from scenarios.viewing.page import link, table_page, text
-from split_drake.poses import make_pose
+from scenarios.viewing.recording import Recorder
+from split_drake.pose_task import GRASP
+from split_drake.poses import make_pose, rotation_x
 
 CONFIG = {
     "scene": "pile",
@@ -99,6 +104,31 @@ def test_outcomes_do_not_depend_on_recording(
     assert alone.recording is None
     assert not (tmp_path / "recordings").exists()
     assert replace(alone, wall_s=0.0) == replace(record, wall_s=0.0, recording=None)
+
+
+def test_of_rounds_with_failures_one_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    in_the_air = ranked(make_pose(rotation_x(np.pi), (0.5, 0.0, 0.3))[None], [0.5])
+    finds = SimpleNamespace(detect=lambda scene, rng: in_the_air)
+    monkeypatch.setattr(rounds_module, "TrueGrasps", lambda station, truth, rng: finds)
+    record = run_round(spec_of(tmp_path))
+    assert record.ended == TWO_FAILURES
+    assert record.recording == "recordings/007-000.html"
+    assert (tmp_path / record.recording).is_file()
+
+
+def test_the_chosen_grasp_is_drawn_over_those_found() -> None:
+    recorder, X_WG = Recorder(), make_pose(rotation_x(np.pi), (0.5, 0.0, 0.1))
+    recorder.start(0.0)
+    recorder.show_perception(np.zeros((1, 3)), {GRASP.name: ranked(X_WG[None], [0.9])}, 0.0)
+    recorder.show_grasp(X_WG)
+    seen = "/perception/1/seen"
+    found, chosen = f"{seen}/{GRASP.name}/band_0", f"{seen}/chosen"
+    assert recorder.meshcat.HasPath(found) and recorder.meshcat.HasPath(chosen)
+    thin, thick = (len(recorder.meshcat._GetPackedObject(path)) for path in (found, chosen))
+    # Six copies of four segments of float32 are 576 bytes; the names of the paths differ too.
+    assert thick - thin > 500
 
 
 def test_of_rounds_without_failures_none_is_kept(tmp_path: Path) -> None:
