@@ -2,12 +2,13 @@
 
     python -m scenarios.clutter_picture --checkpoint F --out FILE.png
 
-A packed scene and a pile of objects that no model was trained on, with grasps that SPLIT finds in
+A packed scene and a pile of objects as the rounds of a seed start, with grasps that SPLIT finds in
 one noisy view, coloured by score as in recordings.
 """
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import tyro
@@ -43,17 +44,21 @@ class PictureOptions:
         checkpoint: weights of SPLIT.
         out: PNG file.
         seed: of the rounds whose starts are shown.
-        objects: as of `scenarios.clutter_removal`.
+        objects: "procedural", kinds that no model was trained on, or those to choose settings on.
         shown: grasps in each scene, spread over the better half of those that are found.
     """
 
     checkpoint: Path
     out: Path
     seed: int = 0
-    objects: str = "procedural"
+    objects: Literal["procedural", "procedural-train"] = "procedural"
     shown: int = 16
 
     def __post_init__(self) -> None:
+        if not self.checkpoint.is_file():
+            raise ValueError(f"--checkpoint: there is no file {self.checkpoint}")
+        if self.seed < 0:
+            raise ValueError(f"--seed is {self.seed}; expected 0 or more")
         if self.shown < 1:
             raise ValueError(f"--shown is {self.shown}; expected 1 or more")
 
@@ -64,11 +69,11 @@ def detected(options: PictureOptions, scene: SceneKind) -> tuple[HandStation, Po
         scene, 1, 1, options.seed, checkpoint=options.checkpoint, objects=options.objects
     )
     (spec,) = missing_rounds(asked, options.out.parent, ())
-    rng = np.random.default_rng(options.seed)
-    station = HandStation(drawn_objects(spec, rng), spec.layout)
-    _STARTS[scene](station, clutter_truth(station), rng)
+    start_rng, noise_rng, rng = spec.streams()
+    station = HandStation(drawn_objects(spec, start_rng), spec.layout)
+    _STARTS[scene](station, clutter_truth(station), start_rng)
     (view,) = station.capture([side_camera(spec.layout.workspace)])
-    seen = observe(view, spec.layout.workspace, spec.noise, rng)
+    seen = observe(view, spec.layout.workspace, spec.noise, noise_rng)
     return station, SplitGrasps(options.checkpoint).detect(seen, rng)
 
 

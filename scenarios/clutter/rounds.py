@@ -82,6 +82,14 @@ class RoundSpec:
     record: Recorded
     folder: Path
 
+    def streams(self) -> list[np.random.Generator]:
+        """Return what start, noise, and the rest are drawn from.
+
+        Each has a stream of its own, so that starts are the same for all detectors and noises.
+        """
+        parts = np.random.SeedSequence([self.seed, self.index]).spawn(3)
+        return [np.random.default_rng(part) for part in parts]
+
 
 def object_source(objects: str, cache: Path) -> ObjectSource:
     """Return where the objects that are called so come from.
@@ -124,9 +132,7 @@ class ClutterRound:
     """A round on its station."""
 
     def __init__(self, spec: RoundSpec) -> None:
-        # Streams of their own, so that starts are the same for all detectors and noises.
-        parts = np.random.SeedSequence([spec.seed, spec.index]).spawn(3)
-        self._start_rng, self._noise_rng, self._rng = map(np.random.default_rng, parts)
+        self._start_rng, self._noise_rng, self._rng = spec.streams()
         self._spec = spec
         self._recorder = None if spec.record == "none" else Recorder(_VIEWPOINT)
         meshcat = self._recorder.meshcat if self._recorder else None

@@ -11,8 +11,9 @@ import trimesh
 from numpy.typing import NDArray
 
 from split_drake.grasps.judge import GraspJudge
+from split_drake.grasps.open_hand import OPEN_HAND, lowest_heights
 from split_drake.poses import Array
-from split_drake.robot.gripper import MAX_OPENING_M, gripper_boxes
+from split_drake.robot.gripper import MAX_OPENING_M
 
 # Half-angle of the friction cone; physics has arctan(0.8) = 0.67 rad.
 CONE_RAD = 0.45
@@ -27,9 +28,6 @@ _AREA_PER_POINT_M2 = 9e-6
 _LEAST_POINTS = 500
 # So many grasps are compared with all points at a time.
 _AT_ONCE = 32
-
-_BOXES = gripper_boxes(MAX_OPENING_M)
-_CORNERS_G = np.concatenate([trimesh.bounds.corners([b.lower, b.upper]) for b in _BOXES])
 
 
 @dataclass(frozen=True)
@@ -82,7 +80,7 @@ class ClutterJudge:
 
     def _short_of_table(self, X_WGs: Array) -> Array:
         """Return (N,) how far before the grasps the hand's lowest corner meets the table."""
-        lowest_m = (_CORNERS_G @ X_WGs[:, 2, :3].T).min(axis=0) + X_WGs[:, 2, 3] - self._table_z_m
+        lowest_m = lowest_heights(X_WGs) - self._table_z_m
         descent = -X_WGs[:, 2, 2]
         below_m = np.maximum(-lowest_m, 0.0)
         # Who comes from below, or level, and meets the table does so all the way.
@@ -100,7 +98,7 @@ class ClutterJudge:
         p_GPs = (self._p_WPs[None] - p_WGs) @ R_WGs
         x, y, z = np.abs(p_GPs[..., 0]), p_GPs[..., 1], p_GPs[..., 2]
         short_m = np.zeros(len(X_WGs))
-        for box in _BOXES:
+        for box in OPEN_HAND:
             (_, y0, z0), (x1, y1, z1) = box.lower, box.upper
             meets = (x < x1) & (y > y0) & (y < y1) & (z > z0 - PREGRASP_M) & (z < z1)
             reach_m = np.where(meets, z1 - z, 0.0).max(axis=1)

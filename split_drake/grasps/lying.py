@@ -8,8 +8,8 @@ import numpy as np
 import trimesh
 from trimesh.poses import compute_stable_poses
 
+from split_drake.grasps.open_hand import lowest_heights
 from split_drake.poses import Array, make_pose
-from split_drake.robot.gripper import MAX_OPENING_M, gripper_boxes
 
 # Poses that an object comes to rest in less often are left out, and no more are looked at.
 LEAST_PROBABILITY, MOST_POSES = 0.03, 6
@@ -20,10 +20,6 @@ TILT_RAD = np.radians(12.0)
 CLEARANCE_M = (0.0, 0.004)
 # Grasps of higher places are drawn back by up to this; pads reach 11 mm beyond G.
 MAX_BACK_M = 0.009
-
-_CORNERS_G = np.concatenate(
-    [trimesh.bounds.corners([b.lower, b.upper]) for b in gripper_boxes(MAX_OPENING_M)]
-)
 
 
 def resting_poses(mesh: trimesh.Trimesh, p_OCom: Array) -> Array:
@@ -56,7 +52,7 @@ def grasps_from_above(lines: Array, X_TO: Array, count: int, rng: np.random.Gene
     z = np.cos(tilt) * down + np.sin(tilt) * np.cross(y, down)
     R_TGs = np.stack([np.cross(y, z), y, z], axis=-1)
     p_TGs = ends[chosen].mean(axis=1)
-    lowest_m = (R_TGs[:, 2, :] @ _CORNERS_G.T).min(axis=1) + p_TGs[:, 2]
+    lowest_m = lowest_heights(make_pose(R_TGs, p_TGs))
     short_m = rng.uniform(*CLEARANCE_M, len(y)) - lowest_m
     needed_m = np.maximum(short_m, 0.0) / np.maximum(-z[:, 2], 0.1)
     back_m = np.maximum(needed_m, rng.uniform(0.0, MAX_BACK_M, len(y)))

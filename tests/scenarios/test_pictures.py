@@ -55,6 +55,8 @@ def test_a_picture_of_clutter_shows_grasps_in_both_scenes(tmp_path: Path) -> Non
     assert min(drawn) > 20, "grasps of a middling score in each"
     with pytest.raises(ValueError, match="--shown is 0; expected 1 or more"):
         replace(options, shown=0)
+    with pytest.raises(ValueError, match=r"--checkpoint: there is no file nowhere"):
+        replace(options, checkpoint=Path("nowhere"))
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from split_drake.data.clutter.library import ClutterObject
+from split_drake.grasps.open_hand import OPEN_HAND, lowest_heights
 from split_drake.poses import Array, transform_points
-from split_drake.robot.gripper import MAX_OPENING_M, gripper_boxes
+from split_drake.robot.gripper import MAX_OPENING_M
 
 # The hand comes in along the last 5 cm, wide open.
 APPROACH_M = 0.05
@@ -25,9 +25,6 @@ BETWEEN_PADS_M = (0.015, 0.5 * MAX_OPENING_M, 0.02)
 PER_OBJECT, TRUE_KEPT, FALSE_KEPT = 160, 96, 128
 # Of one object, those that hit the table, or that are hidden, which are kept as false.
 TABLE_KEPT = 8
-
-_BOXES = gripper_boxes(MAX_OPENING_M)
-_CORNERS_G = np.concatenate([trimesh.bounds.corners([b.lower, b.upper]) for b in _BOXES])
 
 
 @dataclass(frozen=True)
@@ -87,8 +84,9 @@ def label_scene(
 
 def clears_table(X_WGs: Array) -> NDArray[np.bool_]:
     """Return (N,): whether wide-open hands (N, 4, 4) clear the table and come from above."""
-    lowest_m = (_CORNERS_G @ X_WGs[:, 2, :3].T).min(axis=0) + X_WGs[:, 2, 3]
-    return np.asarray((lowest_m > TABLE_CLEARANCE_M) & (X_WGs[:, 2, 2] < -LEAST_DESCENT))
+    return np.asarray(
+        (lowest_heights(X_WGs) > TABLE_CLEARANCE_M) & (X_WGs[:, 2, 2] < -LEAST_DESCENT)
+    )
 
 
 def visible(X_WGs: Array, p_WPs: Array, tree: cKDTree) -> NDArray[np.bool_]:
@@ -112,7 +110,7 @@ def hand_hits(X_WGs: Array, p_WPs: Array) -> NDArray[np.bool_]:
     p_GPs = (p_WPs.astype(np.float32)[None] - X_WGs[:, None, :3, 3].astype(np.float32)) @ R_WGs
     x, y, z = np.abs(p_GPs[..., 0]), p_GPs[..., 1], p_GPs[..., 2]
     inside = np.zeros(p_GPs.shape[:2], dtype=bool)
-    for box in _BOXES:
+    for box in OPEN_HAND:
         (_, y0, z0), (x1, y1, z1) = box.lower, box.upper
         inside |= (x < x1) & (y > y0) & (y < y1) & (z > z0 - APPROACH_M) & (z < z1)
     return np.any(inside, axis=1)

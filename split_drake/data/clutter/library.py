@@ -77,7 +77,7 @@ def object_grasps(body: RigidObject, rng: np.random.Generator) -> ObjectGrasps:
     kinds = [_good(judge, X_OGs, rng) for X_OGs in _candidates(body, rng)]
     X_OGs = np.concatenate([X_OGs for X_OGs, _ in kinds])
     weights = np.concatenate([weights for _, weights in kinds])
-    X_OFs = _too_thin(body, rng)
+    X_OFs = _too_thin(judge, body, rng)
     if len(X_OGs):
         X_OFs = np.concatenate([X_OFs, false_grasps(body, X_OGs, FALSE_KEPT, rng).X_OGs])
     return ObjectGrasps(X_OGs, weights, X_OFs)
@@ -106,11 +106,16 @@ def _candidates(body: RigidObject, rng: np.random.Generator) -> tuple[Array, Arr
     return _turned_anyhow(lines, TURNS, rng), _from_above(lines, body, PER_REST, rng)
 
 
-def _too_thin(body: RigidObject, rng: np.random.Generator) -> Array:
-    """Return at most `THIN_KEPT` grasps (N, 4, 4) of both kinds across less than is wide enough."""
+def _too_thin(judge: GraspJudge, body: RigidObject, rng: np.random.Generator) -> Array:
+    """Return at most `THIN_KEPT` grasps (N, 4, 4) of both kinds whose pads close too far."""
     lines = rng.permutation(_lines(body, MIN_WIDTH_M, LEAST_WIDTH_M, rng))[:THIN_KEPT]
     both = [_turned_anyhow(lines, 1, rng), _from_above(lines, body, THIN_KEPT, rng)]
-    return rng.permutation(np.concatenate(both))[:THIN_KEPT]
+    X_OGs = rng.permutation(np.concatenate(both))[: 2 * THIN_KEPT]
+    if not len(X_OGs):
+        return X_OGs
+    # Beside a thin place the pads may meet something thicker.
+    widths_m = judge.settled_widths(X_OGs, np.full(len(X_OGs), MAX_OPENING_M))
+    return X_OGs[widths_m < LEAST_WIDTH_M][:THIN_KEPT]
 
 
 def _lines(body: RigidObject, least_m: float, most_m: float, rng: np.random.Generator) -> Array:
