@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from scenarios.clutter.detection import SplitGrasps
 from scenarios.clutter.observation import observe, side_camera
-from scenarios.clutter.rounds import SceneKind, drawn_objects
+from scenarios.clutter.spec import SceneKind, draw_start, drawn_objects
 from scenarios.clutter_removal import ClutterOptions, missing_rounds
 from scenarios.viewing.pose_drawing import score_bands
 from split_drake.camera import Intrinsics, look_at, project
@@ -26,14 +26,11 @@ from split_drake.grasps.sampling import spread_evenly
 from split_drake.pose_set import PoseSet
 from split_drake.poses import Array
 from split_drake.station.hand.hand_station import HandStation
-from split_drake.truth.clutter_starts import packed_start, pile_start
-from split_drake.truth.removal import clutter_truth
 
 _CAMERA = Intrinsics.centered(600, 460, focal_px=1120.0)
 # Looked at, from the middle of the table; from the camera's side, a little higher and nearer.
 _TARGET = np.array([0.0, 0.0, 0.03])
 _OFFSET = np.array([0.08, -0.46, 0.40])
-_STARTS = {"packed": packed_start, "pile": pile_start}
 
 
 @dataclass(frozen=True)
@@ -71,7 +68,7 @@ def detected(options: PictureOptions, scene: SceneKind) -> tuple[HandStation, Po
     (spec,) = missing_rounds(asked, options.out.parent, ())
     start_rng, noise_rng, rng = spec.streams()
     station = HandStation(drawn_objects(spec, start_rng), spec.layout)
-    _STARTS[scene](station, clutter_truth(station), start_rng)
+    draw_start(spec, station, start_rng)
     (view,) = station.capture([side_camera(spec.layout.workspace)])
     seen = observe(view, spec.layout.workspace, spec.noise, noise_rng)
     return station, SplitGrasps(options.checkpoint).detect(seen, rng)

@@ -1,9 +1,12 @@
 """Clear tables of unknown objects: `python -m scenarios.clutter_removal --scene pile`.
 
 A floating hand tries grasps that are detected in one view from the side, and takes what it holds,
-until nothing is left, nothing is found, or two grasps in a row fail.  The folder holds config.json,
-rounds.jsonl (a line as each round ends, with every grasp), summary.json, recordings/*.html and
-index.html; the same --out goes on where an interrupted run stopped.
+until nothing is left, nothing is found, or two grasps in a row fail.  With --robot arm it is the
+station's Panda, which plans, and drops what it holds into a bin.
+
+The folder holds config.json, rounds.jsonl (a line as each round ends, with every grasp),
+summary.json, recordings/*.html and index.html; the same --out goes on where an interrupted run
+stopped.
 """
 
 import os
@@ -16,18 +19,19 @@ from typing import Any
 import tyro
 from rich.console import Console
 
+from scenarios.clutter.arm_clearing import arm_layout
 from scenarios.clutter.detection import DetectorName
 from scenarios.clutter.observation import Noise
 from scenarios.clutter.records import Removal, RoundRecord, clutter_run
 from scenarios.clutter.report import print_removal, run_title, write_report
-from scenarios.clutter.rounds import (
+from scenarios.clutter.rounds import crashed_round, run_round
+from scenarios.clutter.spec import (
     Recorded,
+    Robot,
     RoundSpec,
     SceneKind,
     Selection,
-    crashed_round,
     object_source,
-    run_round,
 )
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
@@ -56,6 +60,8 @@ class ClutterOptions:
         fit_table: put the scale of the depth image right by the table that it shows, for cameras
             that misjudge all distances by one factor.
         select: the best of the grasps that are found, or any of them.
+        robot: a floating hand, which can try any grasp; or the arm, which tries the first that it
+            can plan, and has succeeded with what it brings into the bin.
         record: which rounds keep a recording for the browser; failures are rounds in which a grasp
             failed or something was left.
         workers: processes; outcomes do not depend on them.
@@ -72,6 +78,7 @@ class ClutterOptions:
     noise: Noise = "gaussian"
     fit_table: bool = False
     select: Selection = "best"
+    robot: Robot = "hand"
     record: Recorded = "failures"
     workers: int = len(os.sched_getaffinity(0))
     out: Path | None = None
@@ -92,11 +99,12 @@ class ClutterOptions:
 
 def layout_of(options: ClutterOptions) -> Layout:
     """Return the layout, its workspace the one that the detector was trained on."""
-    if options.checkpoint is None:
-        return Layout()
-    from split_drake.split.checkpoint import load_checkpoint
+    layout = Layout()
+    if options.checkpoint is not None:
+        from split_drake.split.checkpoint import load_checkpoint
 
-    return Layout(workspace=load_checkpoint(options.checkpoint)[1].workspace)
+        layout = Layout(workspace=load_checkpoint(options.checkpoint)[1].workspace)
+    return arm_layout(layout) if options.robot == "arm" else layout
 
 
 def run_config(options: ClutterOptions) -> dict[str, Any]:
@@ -126,6 +134,7 @@ def missing_rounds(
             fit_table=options.fit_table,
             select=options.select,
             layout=layout,
+            robot=options.robot,
             record=options.record,
             folder=folder,
         )

@@ -38,6 +38,7 @@ ROOMS = (
     "planning.goals",
     "planning.pick_place",
     "planning.planners",
+    "planning.clearing",
     "planning.execution",
     "planning.handling",
     "planning.checking",

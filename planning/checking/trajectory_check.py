@@ -32,7 +32,7 @@ from split_drake.robot.panda import (
     arm_limits,
     panda_positions,
 )
-from split_drake.station.fixtures import HOOK_BODY, TABLE_BODY, add_hook, add_table
+from split_drake.station.fixtures import HOOK_BODY, TABLE_BODY, add_bin, add_hook, add_table
 from split_drake.station.layout import Layout
 
 STEP_RAD = 0.005
@@ -66,6 +66,7 @@ class TrajectoryChecker:
         self._panda = add_panda(plant)
         add_table(plant, layout)
         add_hook(plant, layout)
+        add_bin(plant, layout)
         self._diagram = builder.Build()
         self._plant = plant
         self._context = self._diagram.CreateDefaultContext()

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common import Parallelism
 from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
+from scipy.spatial import cKDTree
 
 from planning.collision.distances import (
     arm_capsules,
@@ -21,11 +22,12 @@ from planning.collision.distances import (
 )
 from planning.collision.exemptions import MAX_TABLE_DEPTH_M
 from planning.subgoal import AllowedContact
+from split_drake.objects.rigid import Primitive
 from split_drake.poses import Array, invert_pose, transform_points
 from split_drake.robot.gripper import PALM, Box, finger_boxes
 from split_drake.robot.kinematics import X_7G, link_poses
 from split_drake.robot.panda import add_panda, panda_positions
-from split_drake.station.fixtures import add_hook, add_table
+from split_drake.station.fixtures import add_bin, add_hook, add_table, bin_primitives
 from split_drake.station.layout import Layout
 
 # Joint motions are checked at steps of this size.
@@ -51,8 +53,8 @@ class Situation:
 
     Attributes:
         opening_m: distance between the pads.
-        p_WStanding: (N, 3) points of an object that stands in the world, or None.
-        p_GHeld: (N, 3) points of an object in the hand, or None.
+        p_WStanding: (N, 3) points of what stands in the world, or None.
+        p_GHeld: (N, 3) points of an object in the hand, or None; they keep clear of what stands.
         peg_exempt: (N,) the held points that HELD_PEG exempts.
         table_below_m: height of the gripper (z of G in W) below which HELD_TABLE acts.
         allowed: declared contacts; HELD_PEG acts on `peg_exempt` alone.
@@ -80,6 +82,7 @@ class CollisionWorld:
         self.checker = static_checker(layout, HOOK_MARGIN_M, TABLE_MARGIN_M)
         self.free_motion_checker = static_checker(layout, HOOK_MARGIN_M, FAST_TABLE_MARGIN_M)
         self._peg, self._post = hook_capsules(layout)
+        self._bin = tuple(_box_in_world(each) for each in bin_primitives(layout))
 
     def free(self, qs: Array, situation: Situation) -> BoolArray:
         """Return (N,): which configurations (N, 7) touch nothing that is not allowed."""
@@ -117,6 +120,9 @@ class CollisionWorld:
             free &= _arm_free(X_WLs, p_WPs, last_link=6)
             free &= _clear_of_table(p_WPs, X_WGs[:, 2, 3], situation)
             free &= self._clear_of_hook(p_WPs, situation)
+            free &= self._clear_of_bin(p_WPs)
+            if situation.p_WStanding is not None:
+                free &= _apart(p_WPs, situation.p_WStanding)
         return free
 
     def _clear_of_hook(self, p_WPs: Array, situation: Situation) -> BoolArray:
@@ -128,6 +134,13 @@ class CollisionWorld:
             if capsule is self._peg and AllowedContact.HELD_PEG in situation.allowed:
                 touching &= ~_required(situation.peg_exempt)
             free &= ~touching.any(axis=1)
+        return free
+
+    def _clear_of_bin(self, p_WPs: Array) -> BoolArray:
+        """Return (B,): whether the held points (B, N, 3) are clear of the bin's walls."""
+        free = np.ones(len(p_WPs), dtype=bool)
+        for wall in self._bin:
+            free &= distance_to_box(p_WPs, wall).min(axis=1) > POINT_RADIUS_M
         return free
 
 
@@ -160,6 +173,19 @@ def _clear_of_table(p_WPs: Array, z_WGs: Array, situation: Situation) -> BoolArr
         exempt = z_WGs < situation.table_below_m
     floors = np.where(exempt, -MAX_TABLE_DEPTH_M, POINT_RADIUS_M)
     return np.asarray(p_WPs[..., 2].min(axis=1) > floors)
+
+
+def _apart(p_WPs: Array, p_WStanding: Array) -> BoolArray:
+    """Return (B,): whether held points (B, N, 3) are clear of standing ones (M, 3)."""
+    gap_m = 2.0 * POINT_RADIUS_M
+    distances, _ = cKDTree(p_WStanding).query(p_WPs, distance_upper_bound=gap_m)
+    return np.asarray(~np.isfinite(distances).any(axis=1))
+
+
+def _box_in_world(primitive: Primitive) -> Box:
+    """Return a box primitive whose pose does not turn it."""
+    half, center = np.asarray(primitive.size) / 2.0, primitive.X_OP[:3, 3]
+    return Box(tuple(center - half), tuple(center + half))
 
 
 def _required(mask: BoolArray | None) -> BoolArray:
@@ -210,7 +236,10 @@ def _arm_free(X_WLs: Array, p_WPs: Array, last_link: int) -> BoolArray:
 def static_checker(
     layout: Layout, hook_margin_m: float, table_margin_m: float
 ) -> SceneGraphCollisionChecker:
-    """Return the checker of the robot against table and hook, grown by margins, and itself."""
+    """Return the checker of the robot against table, hook and bin, grown by margins, and itself.
+
+    The bin has the table's margin.
+    """
     hook = replace(
         layout.hook,
         peg_radius_m=layout.hook.peg_radius_m + hook_margin_m,
@@ -222,6 +251,7 @@ def static_checker(
     panda = add_panda(builder.plant())
     add_table(builder.plant(), layout, table_margin_m)
     add_hook(builder.plant(), replace(layout, hook=hook))
+    add_bin(builder.plant(), layout, table_margin_m)
     return SceneGraphCollisionChecker(
         model=builder.Build(),
         robot_model_instances=[panda],

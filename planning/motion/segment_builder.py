@@ -32,7 +32,14 @@ class SegmentBuilder:
 
     world: CollisionWorld
 
-    def empty(self, name: SegmentName, qs: Array, speed: Speed, situation: Situation) -> Segment:
+    def empty(
+        self,
+        name: SegmentName,
+        qs: Array,
+        speed: Speed,
+        situation: Situation,
+        feel: bool = False,
+    ) -> Segment:
         """Return the segment in which the empty hand, open as in the situation, follows a path.
 
         Args:
@@ -40,6 +47,7 @@ class SegmentBuilder:
             qs: (N, 7) the path, joint angles in rad.
             speed: at most.
             situation: the opening in m, what to keep clear of, and which contacts are allowed.
+            feel: whether the arm stops where the hand touches something.
         """
         trajectory = timed(self.world, qs, situation, speed)
         return Segment(
@@ -50,6 +58,7 @@ class SegmentBuilder:
             force_n=MAX_FORCE_N,
             holding=False,
             allowed_contacts=situation.allowed,
+            stop_on_contact=feel,
         )
 
     def loaded(
@@ -81,6 +90,22 @@ class SegmentBuilder:
             stop_on_contact=feel,
             held_width_m=situation.opening_m,
         )
+
+
+def closing_segment(
+    q: Array, opening_m: float, held_width_m: float, contacts: frozenset[AllowedContact]
+) -> Segment:
+    """Return the segment in which the hand, at rest at `q` (7,), closes on an object."""
+    return Segment(
+        name=SegmentName.CLOSE,
+        trajectory=rest(q, (opening_m - SQUEEZE_M) / FINGER_SPEED_M_S + SETTLE_S),
+        opening_start_m=opening_m,
+        opening_end_m=SQUEEZE_M,
+        force_n=MAX_FORCE_N,
+        holding=False,
+        allowed_contacts=contacts,
+        held_width_m=held_width_m,
+    )
 
 
 def opening_segment(

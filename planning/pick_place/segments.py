@@ -5,20 +5,17 @@ from dataclasses import dataclass, replace
 from planning.collision.world import CollisionWorld, Situation
 from planning.geometry.perceived import PerceivedObject
 from planning.motion.segment_builder import (
-    FINGER_SPEED_M_S,
-    SETTLE_S,
-    SQUEEZE_M,
     SegmentBuilder,
+    closing_segment,
     executed_s,
     opening_segment,
 )
-from planning.motion.timing import CAREFUL, FEELING, FREE, LOADED, RETREATING, rest
+from planning.motion.timing import CAREFUL, FEELING, FREE, LOADED, RETREATING
 from planning.pick_place.pick import Pick
 from planning.pick_place.place import Place
 from planning.problem import Segment, SegmentName
 from planning.subgoal import AllowedContact
 from split_drake.poses import Array
-from split_drake.robot.gripper import MAX_FORCE_N
 
 _FINGERS = frozenset({AllowedContact.FINGERS_TARGET})
 
@@ -80,27 +77,13 @@ def _pick_segments(
     return (
         grip.empty(SegmentName.TRANSIT, transit_qs, FREE, before),
         grip.empty(SegmentName.APPROACH, pick.approach_qs, CAREFUL, _allowing(before, _FINGERS)),
-        _close(pick),
+        closing_segment(pick.approach_qs[-1], pick.opening_m, pick.held_width_m, _FINGERS),
         grip.loaded(SegmentName.LIFT, pick.lift_qs, CAREFUL, pick.lifting),
     )
 
 
 def _allowing(situation: Situation, contacts: frozenset[AllowedContact]) -> Situation:
     return replace(situation, allowed=contacts)
-
-
-def _close(pick: Pick) -> Segment:
-    duration = (pick.opening_m - SQUEEZE_M) / FINGER_SPEED_M_S + SETTLE_S
-    return Segment(
-        name=SegmentName.CLOSE,
-        trajectory=rest(pick.approach_qs[-1], duration),
-        opening_start_m=pick.opening_m,
-        opening_end_m=SQUEEZE_M,
-        force_n=MAX_FORCE_N,
-        holding=False,
-        allowed_contacts=_FINGERS,
-        held_width_m=pick.held_width_m,
-    )
 
 
 def _open(place: Place, pick: Pick) -> Segment:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from scenarios.clutter.clearing import Clearing
 from split_drake.data.clutter.labels import label_scene
 from split_drake.data.clutter.library import ClutterObject, object_grasps
 from split_drake.objects.rigid import RigidObject
@@ -15,8 +16,6 @@ from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP
 from split_drake.poses import Array
 from split_drake.scene import Scene
-from split_drake.station.hand.hand_station import HandStation
-from split_drake.truth.state import Truth
 
 if TYPE_CHECKING:  # PyTorch is imported by those who need it
     from split_drake.split.detector import SplitDetector
@@ -34,23 +33,22 @@ class TrueGrasps:
     They are scored by quality times squared steadiness, and seen by the cloud as labels are.
     """
 
-    def __init__(self, station: HandStation, truth: Truth, rng: np.random.Generator) -> None:
-        self._station = station
-        self._truth = truth
+    def __init__(self, clearing: Clearing, rng: np.random.Generator) -> None:
+        self._clearing = clearing
         self._seed = int(rng.integers(2**63))
         self._objects: dict[int, ClutterObject] = {}
 
     def detect(self, scene: Scene, rng: np.random.Generator) -> PoseSet:
-        """Return the feasible grasps of the objects that are present, best first."""
-        there = self._station.present
+        """Return the feasible grasps of the objects that are left, best first."""
+        there = self._clearing.left
         objects = [self._object(index) for index in there]
-        X_WOs = np.array([self._truth.X_WO(index) for index in there]).reshape(-1, 4, 4)
+        X_WOs = np.array([self._clearing.truth.X_WO(index) for index in there]).reshape(-1, 4, 4)
         grasps = label_scene(objects, X_WOs, scene.p_WPs, rng)
         return ranked(grasps.X_WGs, grasps.weights)
 
     def _object(self, index: int) -> ClutterObject:
         if index not in self._objects:
-            body: RigidObject = self._station.objects[index]
+            body: RigidObject = self._clearing.objects[index]
             rng = np.random.default_rng([self._seed, index])
             self._objects[index] = ClutterObject(TaskObject(body=body), object_grasps(body, rng))
         return self._objects[index]

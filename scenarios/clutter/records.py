@@ -13,7 +13,9 @@ from split_drake.experiments.run import RunFolder
 # How a round may end: see `rounds`.
 EMPTIED = "no object is left"
 NO_GRASP = "no grasp was found"
+NO_PLAN = "no grasp that was found can be planned"
 TWO_FAILURES = "two grasps in a row failed"
+LOST_ARM = "the arm found no way home"
 BROKEN = "the simulation failed"
 CRASHED = "the worker process died"
 
@@ -29,7 +31,8 @@ class GraspRecord:
         score: that it was chosen by.
         candidates: how many grasps there were.
         taken, lost: names of the objects that were removed with the hand, and that left the cube.
-        stopped_by: bodies that the hand touched on its way in.
+        stopped_by: bodies that the hand touched on its way in; an arm, which feels a force, says
+            "something".
         reason: why it failed; empty on success.
     """
 
@@ -55,6 +58,7 @@ class RoundRecord:
         objects: names of the objects that it began with.
         grasps: that were tried, in their order.
         ended: why it ended.
+        detail: what kept every grasp from being planned, or broke the simulation.
         wall_s: what it took.
         recording: page of it, relative to the run's folder; None where none was kept.
     """
@@ -64,6 +68,7 @@ class RoundRecord:
     objects: tuple[str, ...]
     grasps: tuple[GraspRecord, ...]
     ended: str
+    detail: str = ""
     wall_s: float = 0.0
     recording: str | None = None
 

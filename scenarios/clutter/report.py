@@ -12,12 +12,12 @@ from scenarios.viewing.page import lines, link, table_page, text, verdict
 from split_drake.files import write_atomically, write_json
 
 # Of the options, those that summary.json repeats.
-_ASKED = ("scene", "detector", "noise", "fit_table", "select", "seeds")
+_ASKED = ("scene", "detector", "robot", "noise", "fit_table", "select", "seeds")
 
 
 def run_title(config: Mapping[str, Any]) -> str:
     """Return a line that names a run."""
-    return "{scene}, {detector}, noise {noise}, objects {objects}".format(**config)
+    return "{scene}, {robot}, {detector}, noise {noise}, objects {objects}".format(**config)
 
 
 def facts(removal: Removal) -> dict[str, str]:
@@ -57,7 +57,7 @@ def index_page(records: Sequence[RoundRecord], title: str) -> str:
             lines([text(f"{record.seed}-{record.index}"), link(record.recording, "replay")]),
             verdict(f"{record.successes}/{len(record.objects)}", record.ended == EMPTIED),
             lines([_grasp(grasp) for grasp in record.grasps]),
-            text(record.ended),
+            lines([text(each) for each in (record.ended, record.detail) if each]),
         )
         for record in records
     ]

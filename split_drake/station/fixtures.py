@@ -1,4 +1,4 @@
-"""Table, hook and free objects as bodies of a MultibodyPlant.
+"""Table, hook, bin and free objects as bodies of a MultibodyPlant.
 
 Every function works on plants with and without a scene graph's visuals in use, so that the station
 and a planner's collision checker stand on the same geometry.
@@ -31,12 +31,14 @@ from split_drake.station.layout import Layout
 
 TABLE_BODY = "table"
 HOOK_BODY = "hook"
+BIN_BODY = "bin"
 
 FLOOR_DEPTH_M = 0.75
 LEG_EDGE_M = 0.05
 
 _STAND_RGBA = (0.30, 0.32, 0.35, 1.0)
 _TABLE_RGBA = (0.76, 0.64, 0.50, 1.0)
+_BIN_RGBA = (0.45, 0.55, 0.62, 1.0)
 _STEEL_RGBA = (0.52, 0.54, 0.57, 1.0)
 _OBJECT_RGBA = (
     (0.16, 0.45, 0.62, 1.0),
@@ -78,6 +80,26 @@ def hook_primitives(layout: Layout) -> tuple[Primitive, Primitive]:
     return peg, Primitive("cylinder", (hook.post_radius_m, post_height), X_KPost)
 
 
+def bin_primitives(layout: Layout, margin_m: float = 0.0) -> tuple[Primitive, ...]:
+    """Return floor and walls of the bin in W, grown by a margin; nothing where there is none."""
+    if layout.bin is None:
+        return ()
+    (x, y, depth), wall = layout.bin.size_m, layout.bin.wall_m
+    along_x, along_y = (x + wall) / 2.0, (y + wall) / 2.0
+    boxes = [((x + 2.0 * wall, y + 2.0 * wall, wall), (0.0, 0.0, -depth - wall / 2.0))]
+    for side in (-1.0, 1.0):
+        boxes.append(((wall, y + 2.0 * wall, depth), (side * along_x, 0.0, -depth / 2.0)))
+        boxes.append(((x, wall, depth), (0.0, side * along_y, -depth / 2.0)))
+    return tuple(
+        Primitive(
+            "box",
+            tuple(edge + 2.0 * margin_m for edge in size),
+            make_pose(p=np.add(layout.bin.p_WRim, p_RimBox)),
+        )
+        for size, p_RimBox in boxes
+    )
+
+
 def add_table(plant: MultibodyPlant, layout: Layout, margin_m: float = 0.0) -> RigidBody:
     """Add the table, grown by a margin on all sides, welded to the world; return its body."""
     table = table_primitive(layout)
@@ -90,8 +112,14 @@ def add_hook(plant: MultibodyPlant, layout: Layout) -> RigidBody:
     return _add_fixed(plant, HOOK_BODY, layout.X_WK, hook_primitives(layout), _STEEL_RGBA)
 
 
+def add_bin(plant: MultibodyPlant, layout: Layout, margin_m: float = 0.0) -> None:
+    """Add the bin, grown by a margin, welded to the world, where the layout has one."""
+    if layout.bin is not None:
+        _add_fixed(plant, BIN_BODY, np.eye(4), bin_primitives(layout, margin_m), _BIN_RGBA)
+
+
 def add_scenery(plant: MultibodyPlant, layout: Layout) -> None:
-    """Add what is seen around the station but never touched: the robot's stand, table's legs."""
+    """Add what is seen around the station but never touched: robot's and bin's stand, legs."""
     x, y = layout.p_WTable
     size_x, size_y, thickness = layout.table_size_m
     leg_height = FLOOR_DEPTH_M - thickness
@@ -100,6 +128,11 @@ def add_scenery(plant: MultibodyPlant, layout: Layout) -> None:
     pieces = {
         "stand": (Box(0.26, 0.26, FLOOR_DEPTH_M), (-0.02, 0.0, -FLOOR_DEPTH_M / 2.0), _STAND_RGBA),
     }
+    if layout.bin is not None:
+        bin_x, bin_y, rim_z = layout.bin.p_WRim
+        height = FLOOR_DEPTH_M + rim_z - layout.bin.size_m[2] - layout.bin.wall_m
+        stand = Box(0.12, 0.12, height)
+        pieces["bin_stand"] = (stand, (bin_x, bin_y, height / 2.0 - FLOOR_DEPTH_M), _STAND_RGBA)
     for number, (sign_x, sign_y) in enumerate(itertools.product((-1.0, 1.0), repeat=2)):
         p_WLeg = (x + sign_x * (size_x / 2.0 - inset), y + sign_y * (size_y / 2.0 - inset), z_leg)
         leg = Box(LEG_EDGE_M, LEG_EDGE_M, leg_height)

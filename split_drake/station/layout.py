@@ -48,6 +48,37 @@ class HookShape:
             raise ValueError(f"the post is {room_m:.3f} m from K; a mug needs at least 0.06 m")
 
 
+@dataclass(frozen=True)
+class OpenBin:
+    """A box without a lid, its edges parallel to those of W.
+
+    Attributes:
+        p_WRim: the middle of the opening, at the height of the rim.
+        size_m: inner length along x and y, and depth.
+        wall_m: thickness of walls and floor.
+
+    Raises ValueError where a length is not positive.
+    """
+
+    p_WRim: tuple[float, float, float] = (-0.05, -0.50, 0.0)
+    size_m: tuple[float, float, float] = (0.34, 0.34, 0.18)
+    wall_m: float = 0.01
+
+    def __post_init__(self) -> None:
+        if not min(*self.size_m, self.wall_m) > 0.0:
+            raise ValueError(
+                f"a bin's size is {self.size_m} m and its walls are {self.wall_m} m thick; "
+                "expected positive lengths"
+            )
+
+    def contains(self, p_WP: Array) -> bool:
+        """Return whether a point (3,) is in the bin, below its rim."""
+        p_RimP = np.asarray(p_WP) - self.p_WRim
+        x, y, depth = self.size_m
+        beside = np.abs(p_RimP[:2]) > (x / 2.0, y / 2.0)
+        return bool(not beside.any() and -depth < p_RimP[2] < 0.0)
+
+
 def two_views(workspace: Workspace, distance_m: float = 0.6) -> tuple[CameraPlacement, ...]:
     """Return the paper's two cameras (section VI-B).
 
@@ -73,6 +104,7 @@ class Layout:
         cameras: depth cameras; the paper's two views of the workspace where none are given.
         X_WK: (4, 4) pose of the hook.
         hook: its shape.
+        bin: what things are dropped into; None for none.
         table_size_m: edges of the table's box; its top is at z = 0.
         p_WTable: (x, y) of the table's centre.
     """
@@ -83,6 +115,7 @@ class Layout:
         default_factory=lambda: make_pose(rotation_x(np.radians(10.0)), (0.5, -0.38, 0.40))
     )
     hook: HookShape = field(default_factory=HookShape)
+    bin: OpenBin | None = None
     table_size_m: tuple[float, float, float] = (0.7, 1.2, 0.05)
     p_WTable: tuple[float, float] = (0.55, 0.0)
 
@@ -92,10 +125,11 @@ class Layout:
 
 
 def same_fixtures(one: Layout, other: Layout) -> bool:
-    """Return whether two layouts have the same table and hook, which is all that a world keeps."""
+    """Return whether two layouts have the same table, hook and bin, all that a world keeps."""
     return (
         np.array_equal(one.X_WK, other.X_WK)
         and one.hook == other.hook
+        and one.bin == other.bin
         and one.table_size_m == other.table_size_m
         and one.p_WTable == other.p_WTable
     )

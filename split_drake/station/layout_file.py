@@ -9,7 +9,7 @@ import numpy as np
 
 from split_drake.camera import Intrinsics
 from split_drake.scene import Workspace
-from split_drake.station.layout import CameraPlacement, HookShape, Layout
+from split_drake.station.layout import CameraPlacement, HookShape, Layout, OpenBin
 
 
 def layout_to_fields(layout: Layout) -> dict[str, Any]:
@@ -24,6 +24,7 @@ def layout_from_fields(fields: Mapping[str, Any]) -> Layout:
         cameras=tuple(_camera_from(each) for each in fields.get("cameras", ())),
         X_WK=np.array(fields["X_WK"]),
         hook=HookShape(**fields["hook"]),
+        bin=_bin_from(fields.get("bin")),
         table_size_m=tuple(fields["table_size_m"]),
         p_WTable=tuple(fields["p_WTable"]),
     )
@@ -40,13 +41,21 @@ def layout_from_json(text: str) -> Layout:
 
 
 def _fixtures(layout: Layout) -> dict[str, Any]:
+    bin_there = {} if layout.bin is None else {"bin": asdict(layout.bin)}
     return {
+        **bin_there,
         "workspace": asdict(layout.workspace),
         "X_WK": np.asarray(layout.X_WK).tolist(),
         "hook": asdict(layout.hook),
         "table_size_m": list(layout.table_size_m),
         "p_WTable": list(layout.p_WTable),
     }
+
+
+def _bin_from(fields: Mapping[str, Any] | None) -> OpenBin | None:
+    if fields is None:
+        return None
+    return OpenBin(tuple(fields["p_WRim"]), tuple(fields["size_m"]), fields["wall_m"])
 
 
 def _camera(camera: CameraPlacement) -> dict[str, Any]:

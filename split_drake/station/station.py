@@ -5,22 +5,22 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.geometry import Meshcat
-from pydrake.math import RigidTransform
-from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
 
 from split_drake.camera import DepthView, Intrinsics
 from split_drake.objects.rigid import RigidObject
-from split_drake.poses import Array, check_poses
+from split_drake.poses import Array
 from split_drake.robot.arm_command import check_force
 from split_drake.robot.gripper import MAX_FORCE_N, MAX_OPENING_M
 from split_drake.robot.panda import Q_HOME, add_panda, panda_positions
 from split_drake.station.config import StationConfig
 from split_drake.station.depth_cameras import add_depth_camera, add_renderer, depth_view, photograph
 from split_drake.station.detector_system import PoseDetectorSystem
-from split_drake.station.fixtures import add_hook, add_objects, add_scenery, add_table
+from split_drake.station.fixtures import add_bin, add_hook, add_objects, add_scenery, add_table
+from split_drake.station.objects.loose_objects import LooseObjects
+from split_drake.station.objects.resting_points import let_objects_bear, with_resting_points
 from split_drake.station.steps import (
     add_command,
     add_detector,
@@ -45,9 +45,14 @@ class Station:
     Attributes:
         config: as given.
         objects: as given.
-        plant: with model instances `panda`, `table`, `hook`, and one for each object.
+        plant: with model instances `panda`, `table`, `hook`, `bin` where the layout has one, and
+            one for each object.
         diagram: the whole.
         simulator: of the diagram, initialized.
+
+    Args:
+        bearing: whether objects stand on the table by points at their hulls' corners, as in clutter
+            (`split_drake.station.objects.resting_points`), or by their collision pieces.
     """
 
     def __init__(
@@ -56,6 +61,7 @@ class Station:
         objects: Sequence[RigidObject] = (),
         meshcat: Meshcat | None = None,
         detector_system: PoseDetectorSystem | None = None,
+        bearing: bool = False,
     ) -> None:
         self.config = config
         self.objects = tuple(objects)
@@ -65,11 +71,16 @@ class Station:
         self._panda = add_panda(self.plant)
         set_actuator_gains(self.plant, self._panda, self.config)
         add_scenery(self.plant, layout)
-        add_table(self.plant, layout)
+        table = add_table(self.plant, layout)
         add_hook(self.plant, layout)
-        self._bodies = add_objects(self.plant, self.objects)
+        add_bin(self.plant, layout)
+        added = tuple(map(with_resting_points, self.objects)) if bearing else self.objects
+        self._bodies = add_objects(self.plant, added)
+        self._loose = LooseObjects(self.plant, self._bodies)
         set_contact_material(self.plant, self._scene_graph, self.config)
         self.plant.Finalize()
+        if bearing:
+            let_objects_bear(self.plant, self._scene_graph, added, table)
         add_command(builder, self.plant, self._panda, self.config)
         export_state(builder, self.plant, self._panda)
         add_renderer(self._scene_graph)
@@ -164,14 +175,18 @@ class Station:
         self.plant.SetVelocities(self.plant_context, self._panda, np.zeros(9))
         self.command(q, np.zeros(7), opening_m, MAX_FORCE_N)
 
+    @property
+    def present(self) -> tuple[int, ...]:
+        """Which objects are not parked, in order."""
+        return self._loose.present
+
     def place_object(self, index: int, X_WO: ArrayLike) -> None:
         """Put object `index` at rest at X_WO (4, 4)."""
-        pose = RigidTransform(check_poses(X_WO, "X_WO"))
-        body = self._bodies[index]
-        self.plant.SetFreeBodyPose(self.plant_context, body, pose)
-        self.plant.SetFreeBodySpatialVelocity(
-            context=self.plant_context, body=body, V_JpJc=SpatialVelocity.Zero()
-        )
+        self._loose.place(self.plant_context, index, X_WO)
+
+    def park_object(self, index: int) -> None:
+        """Take object `index` out of the way, wherever it is."""
+        self._loose.park(self.plant_context, index)
 
     # For looking at it.
 

@@ -6,7 +6,6 @@ others come to rest, and those that left the cube are removed as well.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 
@@ -14,8 +13,7 @@ from split_drake.poses import Array, rotation_error_rad
 from split_drake.robot.panda import FINGER_BODIES
 from split_drake.scene import Workspace
 from split_drake.station.hand.hand_station import HandStation
-from split_drake.station.station import Station
-from split_drake.truth.state import Truth
+from split_drake.truth.state import AnyStation, Truth
 
 # At rest: no faster than this, m/s and rad/s, on the average of a tenth of a second.  An object
 # that touches another at a single point may rock on the spot, which the average leaves out.
@@ -41,12 +39,6 @@ class Removal:
     rests: bool
 
 
-def clutter_truth(station: HandStation) -> Truth:
-    """Return the true state of a clutter station's objects, by their index."""
-    # Truth reads what stations of both kinds have: plant, plant_context, objects, object_body.
-    return Truth(cast(Station, station))
-
-
 def clear_away(station: HandStation, truth: Truth, held: Sequence[str] = ()) -> Removal:
     """Remove what the hand holds, and the hand, then wait for rest and remove what is lost.
 
@@ -65,7 +57,7 @@ def clear_away(station: HandStation, truth: Truth, held: Sequence[str] = ()) -> 
     return Removal(taken, lost, station.present, rests)
 
 
-def wait_and_remove(station: HandStation, truth: Truth) -> tuple[bool, tuple[int, ...]]:
+def wait_and_remove(station: AnyStation, truth: Truth) -> tuple[bool, tuple[int, ...]]:
     """Wait for rest and remove what left the workspace, until nothing else did.
 
     Returns whether the rest came to rest, and the indices of what was removed.
@@ -82,7 +74,7 @@ def wait_and_remove(station: HandStation, truth: Truth) -> tuple[bool, tuple[int
 
 
 def wait_for_all_to_rest(
-    station: HandStation, truth: Truth, timeout_s: float = REST_TIMEOUT_S
+    station: AnyStation, truth: Truth, timeout_s: float = REST_TIMEOUT_S
 ) -> bool:
     """Simulate until every object on the table rests; False after `timeout_s`."""
     deadline_s = station.time_s + timeout_s
@@ -96,7 +88,7 @@ def wait_for_all_to_rest(
     return False
 
 
-def outside(station: HandStation, truth: Truth) -> list[int]:
+def outside(station: AnyStation, truth: Truth) -> list[int]:
     """Return the objects on the table whose centre of mass is beside the workspace's cube."""
     workspace = station.config.layout.workspace
     return [index for index in station.present if not in_cube(truth.p_WCom(index), workspace)]
@@ -108,7 +100,7 @@ def in_cube(p_WP: Array, workspace: Workspace) -> bool:
     return bool(np.all((p_VP >= 0.0) & (p_VP <= workspace.edge_m)))
 
 
-def _poses(station: HandStation, truth: Truth) -> Array:
+def _poses(station: AnyStation, truth: Truth) -> Array:
     """Return X_WOs (N, 4, 4) of the objects on the table, each in its centre of mass."""
     X_WOs = np.zeros((len(station.present), 4, 4))
     for at, index in enumerate(station.present):

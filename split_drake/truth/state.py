@@ -10,7 +10,11 @@ from split_drake.poses import Array, transform_points
 from split_drake.robot.panda import MOVING_BODIES
 from split_drake.station.contacts import contacts_of, penetration_m
 from split_drake.station.fixtures import HOOK_BODY, TABLE_BODY
+from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.station import Station
+
+# With an arm, or with a hand alone.
+AnyStation = Station | HandStation
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,7 @@ class ObjectContact:
 class Truth:
     """The true state of a station's objects, by their index."""
 
-    def __init__(self, station: Station) -> None:
+    def __init__(self, station: AnyStation) -> None:
         self._station = station
         self._plant = station.plant
 

@@ -14,7 +14,8 @@ from split_drake.station.hand.grasp_execution import execute_grasp
 from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.layout import Layout
 from split_drake.truth.clutter_starts import pile_start
-from split_drake.truth.removal import clutter_truth, wait_for_all_to_rest
+from split_drake.truth.removal import wait_for_all_to_rest
+from split_drake.truth.state import Truth
 from tests.benchmarks.processor import processor
 from tests.split_drake.station.solids import DOWN, clear, solids, stand
 
@@ -32,7 +33,7 @@ def station(shared: HandStation) -> HandStation:
     clear(shared)
     for index, (x, y) in enumerate(((-1, -1), (-1, 1), (0, 0), (1, -1), (1, 1))):
         stand(shared, index, 0.5 + 0.09 * x, 0.09 * y)
-    assert wait_for_all_to_rest(shared, clutter_truth(shared))
+    assert wait_for_all_to_rest(shared, Truth(shared))
     return shared
 
 
@@ -71,5 +72,5 @@ def test_grasping(station: HandStation, capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_piling(station: HandStation, capsys: pytest.CaptureFixture[str]) -> None:
-    truth, rng = clutter_truth(station), np.random.default_rng(0)
+    truth, rng = Truth(station), np.random.default_rng(0)
     _report(station, capsys, "a pile", lambda: pile_start(station, truth, rng))

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.geometry import FrameId, Meshcat, QueryObject
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.tree import BodyIndex, Joint, RigidBody
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
@@ -25,9 +24,15 @@ from split_drake.station.fixtures import add_objects, add_table
 from split_drake.station.hand.fence import add_fence
 from split_drake.station.hand.hand_command import add_hand_command, shares_of_way
 from split_drake.station.hand.hand_model import add_hand
-from split_drake.station.hand.resting_points import let_points_bear, resting_points
 from split_drake.station.hand.views import render_depth
 from split_drake.station.layout import CameraPlacement, Layout
+from split_drake.station.objects.loose_objects import (
+    PARKED_Z_M,
+    LooseObjects,
+    free_joint,
+    put_body,
+)
+from split_drake.station.objects.resting_points import let_objects_bear, with_resting_points
 from split_drake.station.steps import add_meshcat, add_plant, set_contact_material
 
 # As fast as VGN's hand.
@@ -35,9 +40,6 @@ SPEED_M_S = 0.1
 # Both pads together.  Closing over 8 cm and squeezing with all the force takes 0.5 s.
 CLOSING_SPEED_M_S = 0.2
 SQUEEZE_M = -0.05
-
-# Out of every camera's sight; what is parked there stands a metre apart.
-_PARKED_Z_M = -10.0
 
 
 class HandStation:
@@ -74,13 +76,12 @@ class HandStation:
         self._hand = add_hand(self.plant, self.config)
         table = add_table(self.plant, layout)
         self._fence = add_fence(self.plant, layout.workspace)
-        self._bodies = add_objects(self.plant, [_with_points(item) for item in self.objects])
+        bearing = [with_resting_points(item) for item in self.objects]
+        self._bodies = add_objects(self.plant, bearing)
+        self._loose = LooseObjects(self.plant, self._bodies)
         set_contact_material(self.plant, self._scene_graph, self.config)
         self.plant.Finalize()
-        hand = [self.plant.GetBodyByName(name) for name in HAND_BODIES]
-        for item, body in zip(self.objects, self._bodies, strict=True):
-            pieces = len(item.collision)
-            let_points_bear(self.plant, self._scene_graph, body, pieces, table, hand)
+        let_objects_bear(self.plant, self._scene_graph, bearing, table)
         add_hand_command(builder, self.plant, self._hand, self.config.finger_kp_n_per_m)
         add_renderer(self._scene_graph)
         if meshcat is not None:
@@ -88,7 +89,6 @@ class HandStation:
         self.diagram = builder.Build()
         self.diagram.set_name("hand_station")
         self.simulator = Simulator(self.diagram)
-        self._present: set[int] = set()
         self.park_hand()
         self.take_fence_away()
         for index in range(len(self.objects)):
@@ -118,7 +118,7 @@ class HandStation:
 
     def park_hand(self) -> None:
         """Put the opened hand out of the way."""
-        self.place_hand(RigidTransform((-1.0, 0.0, _PARKED_Z_M)).GetAsMatrix4())
+        self.place_hand(RigidTransform((-1.0, 0.0, PARKED_Z_M)).GetAsMatrix4())
 
     def grip(self, opening_m: float, force_n: float = MAX_FORCE_N) -> None:
         """Command the distance between the pads from now on.
@@ -225,31 +225,23 @@ class HandStation:
     @property
     def present(self) -> tuple[int, ...]:
         """Which objects are not parked, in order."""
-        return tuple(sorted(self._present))
+        return self._loose.present
 
     def place_object(self, index: int, X_WO: ArrayLike) -> None:
         """Put object `index` at rest at X_WO (4, 4), free to move."""
-        body = self._bodies[index]
-        self._joint(body).Unlock(self.plant_context)
-        self._put(body, RigidTransform(check_poses(X_WO, "X_WO")))
-        self._present.add(index)
+        self._loose.place(self.plant_context, index, X_WO)
 
     def park_object(self, index: int) -> None:
         """Take object `index` out of the way, wherever it is."""
-        body = self._bodies[index]
-        self._put(body, RigidTransform((float(index), 0.0, _PARKED_Z_M)))
-        self._joint(body).Lock(self.plant_context)
-        self._present.discard(index)
+        self._loose.park(self.plant_context, index)
 
     def put_fence_up(self) -> None:
         """Put walls around the workspace."""
-        self._put(self._fence, RigidTransform(self.config.layout.workspace.p_WCenter))
-        self._joint(self._fence).Lock(self.plant_context)
+        self._put_fence(self.config.layout.workspace.p_WCenter)
 
     def take_fence_away(self) -> None:
         """Leave the workspace without walls."""
-        self._put(self._fence, RigidTransform((0.0, 0.0, 2.0 * _PARKED_Z_M)))
-        self._joint(self._fence).Lock(self.plant_context)
+        self._put_fence((0.0, 0.0, 2.0 * PARKED_Z_M))
 
     # For looking at it.
 
@@ -277,16 +269,9 @@ class HandStation:
     def _fingers(self) -> list[Joint]:
         return [self.plant.GetJointByName(name, self._hand.hand) for name in FINGER_JOINTS]
 
-    def _joint(self, body: RigidBody) -> Joint:
-        """Return the joint that leaves a free body all its freedom."""
-        (index,) = self.plant.GetJointIndices(body.model_instance())
-        return self.plant.get_joint(index)
-
-    def _put(self, body: RigidBody, X_WB: RigidTransform) -> None:
-        self.plant.SetFreeBodyPose(self.plant_context, body, X_WB)
-        self.plant.SetFreeBodySpatialVelocity(
-            context=self.plant_context, body=body, V_JpJc=SpatialVelocity.Zero()
-        )
+    def _put_fence(self, p_WFence: tuple[float, float, float]) -> None:
+        put_body(self.plant, self.plant_context, self._fence, RigidTransform(p_WFence))
+        free_joint(self.plant, self._fence).Lock(self.plant_context)
 
     def _command_gantry(self, p_WG: Array, v_WG: Array) -> None:
         self._p_WDesired = p_WG
@@ -295,7 +280,3 @@ class HandStation:
 
     def _frame_id(self, body: RigidBody) -> FrameId:
         return self.plant.GetBodyFrameIdOrThrow(body.index())
-
-
-def _with_points(item: RigidObject) -> RigidObject:
-    return replace(item, collision=(*item.collision, *resting_points(item)))

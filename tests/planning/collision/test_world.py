@@ -28,7 +28,7 @@ from split_drake.robot.gripper import PALM, Box
 from split_drake.robot.kinematics import gripper_pose, link_poses
 from split_drake.robot.panda import Q_HOME, add_panda, arm_limits, panda_positions
 from split_drake.station.fixtures import add_hook, add_table
-from split_drake.station.layout import Layout
+from split_drake.station.layout import Layout, OpenBin
 from tests.helpers.planning import configuration
 
 FINGERS = frozenset({AllowedContact.FINGERS_TARGET})
@@ -150,6 +150,29 @@ def test_held_peg_exempts_only_the_tube_and_never_the_post() -> None:
     assert not is_free(q, Situation(0.03, p_GHeld=on_post, peg_exempt=exempt, allowed=PEG))
     with pytest.raises(ValueError, match="peg_exempt"):
         is_free(q, Situation(0.03, p_GHeld=on_peg, allowed=PEG))
+
+
+def test_held_points_keep_clear_of_what_stands() -> None:
+    q = configuration((0.5, 0.0, 0.2))
+    p_GHeld = np.array([[0.0, 0.0, 0.06]])
+    below = transform_points(gripper_pose(q), p_GHeld)
+    for gap_m, expected in ((1.9 * POINT_RADIUS_M, False), (2.1 * POINT_RADIUS_M, True)):
+        standing = below - (0.0, 0.0, gap_m)
+        assert is_free(q, Situation(0.03, p_WStanding=standing, p_GHeld=p_GHeld)) is expected
+
+
+def test_arm_and_held_points_keep_clear_of_the_bin() -> None:
+    bin = OpenBin((0.4, -0.4, 0.1), (0.3, 0.3, 0.09))
+    with_bin = CollisionWorld(replace(Layout(), bin=bin))
+    above = configuration((0.4, -0.4, 0.25))[None]
+    wall = configuration((0.4 - 0.155, -0.4, 0.11))[None]
+    assert with_bin.free(above, Situation(0.0))[0]
+    assert not with_bin.free(wall, Situation(0.0))[0]
+    assert is_free(wall[0], Situation(0.0)), "where there is no bin"
+    p_GRim = transform_points(np.linalg.inv(gripper_pose(above[0])), [(0.4 - 0.155, -0.4, 0.1)])
+    p_GInside = transform_points(np.linalg.inv(gripper_pose(above[0])), [(0.4, -0.4, 0.1)])
+    assert not with_bin.free(above, Situation(0.0, p_GHeld=p_GRim))[0]
+    assert with_bin.free(above, Situation(0.0, p_GHeld=p_GInside))[0]
 
 
 def test_paths_are_checked_between_their_ends() -> None:

@@ -8,7 +8,8 @@ import pytest
 
 from scenarios import clutter_removal
 from scenarios.clutter.records import CRASHED, EMPTIED, RoundRecord
-from scenarios.clutter.rounds import crashed_round, object_source
+from scenarios.clutter.rounds import crashed_round
+from scenarios.clutter.spec import object_source
 from scenarios.clutter_removal import (
     ClutterOptions,
     asked_records,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from scenarios.clutter import detection
+from scenarios.clutter.clearing import HandClearing
 from scenarios.clutter.detection import SplitGrasps, TrueGrasps, ranked
 from scenarios.clutter.observation import observe, side_camera
 from split_drake.data.clutter.labels import clears_table
@@ -16,7 +17,6 @@ from split_drake.poses import invert_pose, make_pose, transform_points
 from split_drake.scene import Scene
 from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.layout import Layout
-from split_drake.truth.removal import clutter_truth
 from tests.helpers.checkpoints import save_new_network
 from tests.split_drake.station.solids import clear, solids, stand
 
@@ -41,7 +41,8 @@ def look(station: HandStation) -> Scene:
 
 
 def oracle(station: HandStation) -> TrueGrasps:
-    return TrueGrasps(station, clutter_truth(station), np.random.default_rng(0))
+    clearing = HandClearing(station, side_camera(LAYOUT.workspace))
+    return TrueGrasps(clearing, np.random.default_rng(0))
 
 
 def test_true_grasps_pinch_what_stands_there(station: HandStation) -> None:

@@ -10,9 +10,10 @@ import pytest
 
 from scenarios.clutter import rounds as rounds_module
 from scenarios.clutter.detection import ranked
-from scenarios.clutter.records import EMPTIED, TWO_FAILURES, GraspRecord, RoundRecord
+from scenarios.clutter.records import EMPTIED, NO_PLAN, TWO_FAILURES, GraspRecord, RoundRecord
 from scenarios.clutter.report import index_page, write_report
-from scenarios.clutter.rounds import RoundSpec, run_round
+from scenarios.clutter.rounds import run_round
+from scenarios.clutter.spec import RoundSpec
 from scenarios.clutter_removal import ClutterOptions, missing_rounds
 from scenarios.viewing.page import link, table_page, text
 from scenarios.viewing.recording import Recorder
@@ -22,6 +23,7 @@ from split_drake.poses import make_pose, rotation_x
 CONFIG = {
     "scene": "pile",
     "detector": "split",
+    "robot": "arm",
     "noise": "dex",
     "fit_table": True,
     "select": "best",
@@ -61,9 +63,17 @@ def test_the_page_lists_each_grasp_and_why_it_failed() -> None:
     assert f"rounds ended: 1: {EMPTIED}; 1: {TWO_FAILURES}" in page
 
 
+def test_the_page_says_what_kept_grasps_from_being_planned() -> None:
+    unplanned = RoundRecord(4, 2, ("can#0",), (), NO_PLAN, "rejected by: <IK> 12")
+    page = index_page([unplanned], "title")
+    assert f"{NO_PLAN}<br>rejected by: &lt;IK&gt; 12" in page
+
+
 def test_the_report_is_written_beside_the_log(tmp_path: Path) -> None:
     write_report(tmp_path, rounds(), CONFIG)
-    assert "pile, split, noise dex, objects procedural" in (tmp_path / "index.html").read_text()
+    assert (
+        "pile, arm, split, noise dex, objects procedural" in (tmp_path / "index.html").read_text()
+    )
     assert '"fit_table": true' in (tmp_path / "summary.json").read_text()
 
 
@@ -111,7 +121,7 @@ def test_of_rounds_with_failures_one_is_kept(
 ) -> None:
     in_the_air = ranked(make_pose(rotation_x(np.pi), (0.5, 0.0, 0.3))[None], [0.5])
     finds = SimpleNamespace(detect=lambda scene, rng: in_the_air)
-    monkeypatch.setattr(rounds_module, "TrueGrasps", lambda station, truth, rng: finds)
+    monkeypatch.setattr(rounds_module, "TrueGrasps", lambda clearing, rng: finds)
     record = run_round(spec_of(tmp_path))
     assert record.ended == TWO_FAILURES
     assert record.recording == "recordings/007-000.html"

@@ -12,7 +12,8 @@ import pytest
 from scenarios.clutter import rounds
 from scenarios.clutter.detection import ranked
 from scenarios.clutter.records import BROKEN, EMPTIED, NO_GRASP, TWO_FAILURES
-from scenarios.clutter.rounds import RoundSpec, drawn_objects, run_round
+from scenarios.clutter.rounds import run_round
+from scenarios.clutter.spec import RoundSpec, drawn_objects, object_source
 from scenarios.clutter_removal import ClutterOptions, main, missing_rounds
 from split_drake.pose_set import PoseSet
 from split_drake.poses import make_pose, rotation_x
@@ -29,7 +30,7 @@ def spec_of(folder: Path, **options: Any) -> RoundSpec:
 def detecting(monkeypatch: pytest.MonkeyPatch, detect: Callable[[Scene], PoseSet]) -> None:
     """Have the oracle find what a function says."""
     finds = SimpleNamespace(detect=lambda scene, rng: detect(scene))
-    monkeypatch.setattr(rounds, "TrueGrasps", lambda station, truth, rng: finds)
+    monkeypatch.setattr(rounds, "TrueGrasps", lambda clearing, rng: finds)
 
 
 def test_true_grasps_clear_a_table(tmp_path: Path) -> None:
@@ -64,7 +65,7 @@ def test_a_simulation_that_fails_is_recorded(
 
     detecting(monkeypatch, fail)
     record = run_round(spec_of(tmp_path))
-    assert record.ended == f"{BROKEN}: the solver did not converge"
+    assert (record.ended, record.detail) == (BROKEN, "the solver did not converge")
     assert record.objects
 
 
@@ -86,7 +87,7 @@ def test_all_detectors_meet_the_same_start(tmp_path: Path, monkeypatch: pytest.M
 def test_objects_are_scaled_and_have_names_of_their_own(tmp_path: Path) -> None:
     bodies = drawn_objects(spec_of(tmp_path), np.random.default_rng(0))
     assert len({body.name for body in bodies}) == len(bodies) == 12
-    source = rounds.object_source("procedural-train", tmp_path)
+    source = object_source("procedural-train", tmp_path)
     for body in bodies[:4]:
         whole = source.load(body.name.partition("#")[0]).body
         ratio = body.mesh.extents / whole.mesh.extents

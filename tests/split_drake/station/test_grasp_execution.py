@@ -7,7 +7,7 @@ from split_drake.poses import make_pose, rotation_y, rotation_z
 from split_drake.station.hand.grasp_execution import execute_grasp, retreat_direction
 from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.layout import Layout
-from split_drake.truth.removal import clutter_truth
+from split_drake.truth.state import Truth
 from tests.split_drake.station.solids import DOWN, clear, solid_box, solid_cylinder, stand
 
 CAN, WIDE, THIN, CUBE = range(4)
@@ -41,7 +41,7 @@ def test_grasp_from_above_lifts_the_object(station: HandStation) -> None:
     assert execution.held == ("cube",)
     assert execution.stopped_by == ()
     assert execution.opening_m == pytest.approx(0.05, abs=1e-3)
-    assert clutter_truth(station).X_WO(CUBE)[2, 3] == pytest.approx(0.125, abs=3e-3)
+    assert Truth(station).X_WO(CUBE)[2, 3] == pytest.approx(0.125, abs=3e-3)
 
 
 def test_grasp_from_the_side_lifts_the_object_straight_up(station: HandStation) -> None:
@@ -50,7 +50,7 @@ def test_grasp_from_the_side_lifts_the_object_straight_up(station: HandStation) 
     execution = execute_grasp(station, make_pose(sideways, (0.5, 0.0, 0.07)))
     assert execution.success, execution.reason
     np.testing.assert_allclose(station.X_WG[:3, 3], (0.5, 0.0, 0.17), atol=2e-3)
-    assert clutter_truth(station).X_WO(CAN)[2, 3] > 0.09
+    assert Truth(station).X_WO(CAN)[2, 3] > 0.09
 
 
 def test_object_wider_than_the_hand_is_told(station: HandStation) -> None:

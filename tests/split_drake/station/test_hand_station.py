@@ -14,7 +14,7 @@ from split_drake.station.hand.hand_model import GANTRY_FORCE_N
 from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.layout import CameraPlacement, Layout
 from split_drake.station.steps import add_plant
-from split_drake.truth.removal import clutter_truth
+from split_drake.truth.state import Truth
 from tests.helpers.stations import STATION
 from tests.split_drake.station.solids import (
     DOWN,
@@ -79,14 +79,14 @@ def test_hand_follows_a_straight_line_and_keeps_its_orientation(
 def test_hand_stops_where_it_first_touches(station: HandStation) -> None:
     stand(station, CUBE)
     station.advance(0.2)
-    X_WO = clutter_truth(station).X_WO(CUBE)
+    X_WO = Truth(station).X_WO(CUBE)
     station.place_hand(make_pose(DOWN, (0.5, 0.045, 0.2)))
     assert not station.move((0.5, 0.045, 0.02), stop_at_contact=True)
     assert station.touching() == {"cube"}
     station.advance(0.2)
     # The pads reach 11 mm beyond G.
     assert station.X_WG[2, 3] == pytest.approx(0.05 + 0.011, abs=1.5e-3)
-    np.testing.assert_allclose(clutter_truth(station).X_WO(CUBE), X_WO, atol=1e-3)
+    np.testing.assert_allclose(Truth(station).X_WO(CUBE), X_WO, atol=1e-3)
 
 
 def test_hand_that_touches_already_does_not_move(station: HandStation) -> None:
@@ -97,7 +97,7 @@ def test_hand_that_touches_already_does_not_move(station: HandStation) -> None:
 
 
 def test_hand_holds_a_box_and_lets_it_go(station: HandStation) -> None:
-    truth = clutter_truth(station)
+    truth = Truth(station)
     stand(station, TALL)
     station.place_hand(make_pose(DOWN, (0.5, 0.0, 0.1)))
     station.close()
@@ -116,7 +116,7 @@ def test_hand_holds_a_box_and_lets_it_go(station: HandStation) -> None:
 
 
 def test_hand_takes_only_what_it_grips(station: HandStation) -> None:
-    truth = clutter_truth(station)
+    truth = Truth(station)
     stand(station, CUBE)
     stand(station, FLAT, y=0.12)
     station.place_hand(make_pose(DOWN, (0.5, 0.0, 0.03)))
@@ -134,7 +134,7 @@ def test_closing_on_nothing_closes_all_the_way(station: HandStation) -> None:
 
 
 def test_hand_pushes_a_box_along(station: HandStation) -> None:
-    truth = clutter_truth(station)
+    truth = Truth(station)
     stand(station, CUBE)
     start, end = np.array([0.44, 0.0, 0.02]), np.array([0.56, 0.0, 0.02])
     station.place_hand(make_pose(DOWN, start), opening_m=0.0)
@@ -148,19 +148,19 @@ def test_hand_pushes_a_box_along(station: HandStation) -> None:
 def test_hand_gives_way_to_what_it_cannot_push(station: HandStation) -> None:
     stand(station, HEAVY)
     station.advance(0.1)
-    X_WO = clutter_truth(station).X_WO(HEAVY)
+    X_WO = Truth(station).X_WO(HEAVY)
     station.place_hand(make_pose(DOWN, (0.4, 0.0, 0.06)), opening_m=0.0)
     station.move((0.5, 0.0, 0.06))
     assert np.abs(station.gantry_force_n).max() <= GANTRY_FORCE_N + 1e-6
     assert station.X_WG[0, 3] < 0.44
-    np.testing.assert_allclose(clutter_truth(station).X_WO(HEAVY), X_WO, atol=0.01)
+    np.testing.assert_allclose(Truth(station).X_WO(HEAVY), X_WO, atol=0.01)
     station.move((0.4, 0.0, 0.06))
     station.advance(0.2)
     assert np.linalg.norm(station.X_WG[:3, 3] - (0.4, 0.0, 0.06)) < 1e-3
 
 
 def test_parked_things_stay_where_they_are_and_are_not_seen(station: HandStation) -> None:
-    truth = clutter_truth(station)
+    truth = Truth(station)
     stand(station, TALL)
     before = [truth.X_WO(index) for index in range(1, 6)]
     assert station.present == (TALL,)

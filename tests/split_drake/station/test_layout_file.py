@@ -8,7 +8,7 @@ import numpy as np
 from split_drake.camera import Intrinsics
 from split_drake.poses import make_pose, rotation_x
 from split_drake.scene import Workspace
-from split_drake.station.layout import CameraPlacement, HookShape, Layout, same_fixtures
+from split_drake.station.layout import CameraPlacement, HookShape, Layout, OpenBin, same_fixtures
 from split_drake.station.layout_file import (
     layout_from_fields,
     layout_from_json,
@@ -45,3 +45,12 @@ def test_a_planners_layout_has_no_cameras() -> None:
     read = layout_from_json(text)
     assert same_fixtures(read, LAYOUT)
     assert len(read.cameras) == 2, "the default's two views of the workspace"
+
+
+def test_a_bin_is_kept_and_its_absence_too() -> None:
+    beside = OpenBin((0.1, -0.6, 0.02), (0.3, 0.2, 0.15), 0.012)
+    binned = replace(LAYOUT, bin=beside)
+    assert layout_from_json(layout_to_json(binned)).bin == beside
+    assert "bin" not in json.loads(layout_to_json(LAYOUT))
+    assert layout_from_json(layout_to_json(LAYOUT)).bin is None
+    assert not same_fixtures(binned, LAYOUT)

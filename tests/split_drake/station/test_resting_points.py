@@ -6,14 +6,14 @@ import trimesh
 
 from split_drake.poses import make_pose, rotation_error_rad, rotation_x, transform_points
 from split_drake.station.hand.hand_station import HandStation
-from split_drake.station.hand.resting_points import (
+from split_drake.station.layout import Layout
+from split_drake.station.objects.resting_points import (
     MAX_POINTS,
     POINT_RADIUS_M,
     TOLERANCE_M,
     resting_points,
 )
-from split_drake.station.layout import Layout
-from split_drake.truth.removal import clutter_truth
+from split_drake.truth.state import Truth
 from tests.split_drake.station.solids import solid_box, solid_cylinder, solids, stand
 
 
@@ -39,7 +39,7 @@ def test_planes_come_no_nearer_than_the_tolerance() -> None:
 
 def test_standing_and_lying_objects_come_to_rest_and_do_not_creep() -> None:
     station = HandStation(solids(), Layout())
-    truth = clutter_truth(station)
+    truth = Truth(station)
     for index in range(5):
         stand(station, index, y=0.12 * (index - 2))
     lying = make_pose(rotation_x(np.pi / 2.0), (0.4, 0.0, 0.031))
@@ -60,5 +60,5 @@ def test_standing_objects_are_not_sunk_into_the_table(index: int) -> None:
     stand(station, index)
     station.advance(0.5)
     item = station.objects[index]
-    p_WPs = transform_points(clutter_truth(station).X_WO(index), item.mesh.vertices)
+    p_WPs = transform_points(Truth(station).X_WO(index), item.mesh.vertices)
     assert abs(p_WPs[:, 2].min()) < 4e-4

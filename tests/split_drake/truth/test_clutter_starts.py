@@ -13,8 +13,9 @@ from split_drake.station.hand.fence import FENCE_BODY
 from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.layout import Layout
 from split_drake.truth.clutter_starts import ClutterStart, packed_start, pile_start
-from split_drake.truth.removal import clutter_truth, in_cube
+from split_drake.truth.removal import in_cube
 from split_drake.truth.rest import axis_tilt_rad
+from split_drake.truth.state import Truth
 from tests.split_drake.station.solids import solid_box, solids
 
 
@@ -25,7 +26,7 @@ def station() -> HandStation:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_packed_objects_stand_apart_within_bounds(station: HandStation, seed: int) -> None:
-    truth = clutter_truth(station)
+    truth = Truth(station)
     start = packed_start(station, truth, np.random.default_rng(seed))
     assert start.rests
     assert 3 <= len(start.indices) <= 5
@@ -41,7 +42,7 @@ def test_packed_objects_stand_apart_within_bounds(station: HandStation, seed: in
 
 @pytest.mark.parametrize("seed", range(3))
 def test_piles_rest_inside_the_cube(station: HandStation, seed: int) -> None:
-    truth = clutter_truth(station)
+    truth = Truth(station)
     start = pile_start(station, truth, np.random.default_rng(seed))
     assert len(start.indices) >= 4
     workspace = station.config.layout.workspace
@@ -60,7 +61,7 @@ def test_same_seed_gives_the_same_start(draw: Callable[..., ClutterStart]) -> No
     starts = []
     for _ in range(2):
         fresh = HandStation(solids()[:3], Layout())
-        starts.append(draw(fresh, clutter_truth(fresh), np.random.default_rng(5)))
+        starts.append(draw(fresh, Truth(fresh), np.random.default_rng(5)))
     assert starts[0].indices == starts[1].indices
     np.testing.assert_array_equal(starts[0].X_WOs, starts[1].X_WOs)
 
@@ -68,7 +69,7 @@ def test_same_seed_gives_the_same_start(draw: Callable[..., ClutterStart]) -> No
 def test_starts_lie_wherever_the_workspace_is() -> None:
     layout = Layout(workspace=Workspace(p_WCenter=(0.62, 0.2, 0.0)))
     station = HandStation(solids()[:2], layout)
-    truth = clutter_truth(station)
+    truth = Truth(station)
     for draw in (packed_start, pile_start):
         start = draw(station, truth, np.random.default_rng(0))
         assert len(start.indices) == 2
@@ -79,7 +80,7 @@ def test_starts_lie_wherever_the_workspace_is() -> None:
 def test_objects_that_find_no_room_stay_out() -> None:
     big = [solid_box(f"big_{number}", (0.25, 0.25, 0.05), 1.0) for number in range(3)]
     station = HandStation(big, Layout())
-    start = packed_start(station, clutter_truth(station), np.random.default_rng(0))
+    start = packed_start(station, Truth(station), np.random.default_rng(0))
     assert start.indices == (0,)
     assert start.X_WOs.shape == (1, 4, 4)
 
@@ -88,6 +89,6 @@ def test_without_objects_there_is_an_empty_start() -> None:
     objects: list[RigidObject] = []
     station = HandStation(objects, Layout())
     for draw in (packed_start, pile_start):
-        start = draw(station, clutter_truth(station), np.random.default_rng(0))
+        start = draw(station, Truth(station), np.random.default_rng(0))
         assert start.indices == ()
         assert start.X_WOs.shape == (0, 4, 4)

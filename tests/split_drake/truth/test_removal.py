@@ -10,11 +10,11 @@ from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.layout import Layout
 from split_drake.truth.removal import (
     clear_away,
-    clutter_truth,
     in_cube,
     outside,
     wait_for_all_to_rest,
 )
+from split_drake.truth.state import Truth
 from tests.split_drake.station.solids import DOWN, clear, solids, stand
 
 TALL, CAN, FLAT, TIN, CUBE = range(5)
@@ -36,7 +36,7 @@ def test_taken_object_is_removed_with_the_hand(station: HandStation) -> None:
     stand(station, TIN, y=0.12)
     execution = execute_grasp(station, make_pose(DOWN, (0.5, 0.0, 0.03)))
     assert execution.held == ("cube",)
-    removal = clear_away(station, clutter_truth(station), execution.held)
+    removal = clear_away(station, Truth(station), execution.held)
     assert removal.taken == (CUBE,)
     assert removal.lost == ()
     assert removal.left == station.present == (TIN,)
@@ -49,7 +49,7 @@ def test_what_leaves_the_cube_is_lost(station: HandStation) -> None:
     stand(station, FLAT, y=0.16)
     # Falls off the table.
     stand(station, TIN, x=0.5, y=0.61)
-    truth = clutter_truth(station)
+    truth = Truth(station)
     assert outside(station, truth) == [FLAT, TIN]
     removal = clear_away(station, truth)
     assert removal.taken == ()
@@ -58,7 +58,7 @@ def test_what_leaves_the_cube_is_lost(station: HandStation) -> None:
 
 
 def test_waiting_ends_at_rest_and_not_before(station: HandStation) -> None:
-    truth = clutter_truth(station)
+    truth = Truth(station)
     station.place_object(CUBE, make_pose(rotation_x(0.5), (0.5, 0.0, 0.15)))
     began_s = station.time_s
     assert wait_for_all_to_rest(station, truth)
@@ -71,7 +71,7 @@ def test_waiting_ends_at_rest_and_not_before(station: HandStation) -> None:
 
 def test_nothing_on_the_table_rests_at_once(station: HandStation) -> None:
     began_s = station.time_s
-    assert wait_for_all_to_rest(station, clutter_truth(station))
+    assert wait_for_all_to_rest(station, Truth(station))
     assert station.time_s - began_s < 0.15
 
 

@@ -11,6 +11,7 @@ costs a microsecond a step.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -19,14 +20,19 @@ from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
+from split_drake.objects.convex_pieces import convex_piece
 from split_drake.objects.rigid import Primitive, RigidObject
-from split_drake.poses import Array, make_pose
+from split_drake.poses import Array, make_pose, transform_points
+from split_drake.robot.panda import HAND_BODIES
 
 # A plane may come nearer to the object than its hull by this, in whatever direction it lies.
 TOLERANCE_M = 0.001
 # Round objects would have hundreds of corners, each of which takes time.
 MAX_POINTS = 64
 POINT_RADIUS_M = 0.0005
+
+# An object that fills so much of its hull is convex.
+CONVEX_SHARE = 0.995
 
 _DIRECTIONS = 2000
 
@@ -67,25 +73,50 @@ def _directions() -> NDArray[np.float64]:
     return np.column_stack([level * np.cos(turn), level * np.sin(turn), z])
 
 
-def let_points_bear(
+def with_resting_points(item: RigidObject) -> RigidObject:
+    """Return an object with its resting points behind its collision pieces.
+
+    A convex object becomes one piece, whatever it was cut into: a finger that sinks in where two
+    pieces meet is held by their inner faces, and does not come off when the hand opens.
+    """
+    pieces = _whole(item) if _is_convex(item) else item.collision
+    return replace(item, collision=(*pieces, *resting_points(item)))
+
+
+def _is_convex(item: RigidObject) -> bool:
+    convex = all(piece.kind == "convex" for piece in item.collision)
+    return convex and item.mesh.volume > CONVEX_SHARE * item.mesh.convex_hull.volume
+
+
+def _whole(item: RigidObject) -> tuple[Primitive, ...]:
+    """Return the one piece that an object's convex pieces are cut from."""
+    corners = [transform_points(piece.X_OP, piece.p_PVs) for piece in item.collision]
+    return (convex_piece(np.vstack(corners)),)
+
+
+def let_objects_bear(
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
-    body: RigidBody,
-    pieces: int,
+    objects: Sequence[RigidObject],
     table: RigidBody,
-    hand: Sequence[RigidBody],
 ) -> None:
-    """Exclude contacts of a body's pieces with the table, and of its points with the hand.
+    """Exclude contacts of pieces with the table, and of resting points with the hand.
 
-    The pieces are the body's first `pieces` geometries, the others are points.  The hand's pads
-    have points of their own, and one in a corner of theirs would push the wrong way.  The plant
-    must be finalized.
+    The hand's pads have points of their own, and one in a corner of theirs would push the wrong
+    way.  The plant must be finalized.
+
+    Args:
+        objects: with their points, as `with_resting_points` returns them.
+        table: which the pieces leave to the points.
     """
-    geometries = plant.GetCollisionGeometriesForBody(body)
-    of_pieces, of_points = GeometrySet(geometries[:pieces]), GeometrySet(geometries[pieces:])
-    of_table, of_hand = _geometries(plant, [table]), _geometries(plant, hand)
     declaration = CollisionFilterDeclaration()
-    declaration.ExcludeBetween(of_pieces, of_table).ExcludeBetween(of_points, of_hand)
+    of_table = _geometries(plant, [table])
+    of_hand = _geometries(plant, [plant.GetBodyByName(name) for name in HAND_BODIES])
+    for item in objects:
+        geometries = plant.GetCollisionGeometriesForBody(plant.GetBodyByName(item.name))
+        pieces = sum(each.size != (POINT_RADIUS_M,) for each in item.collision)
+        declaration.ExcludeBetween(GeometrySet(geometries[:pieces]), of_table)
+        declaration.ExcludeBetween(GeometrySet(geometries[pieces:]), of_hand)
     scene_graph.collision_filter_manager().Apply(declaration)
 
 

@@ -1,0 +1,1 @@
+"""The free objects of a station: what they stand on, and where they are put."""
