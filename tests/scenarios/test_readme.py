@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,9 @@ from split_drake.data.render import DepthRenderer
 from split_drake.objects.mugs.split import load_mug
 from split_drake.pose_set import PoseSet, load_pose_sets
 from split_drake.poses import Array, make_pose
-from split_drake.station.layout import Layout
+from split_drake.robot.panda import Q_HOME
+from split_drake.station.layout import Layout, OpenBin
+from tests.helpers.clutter import box_cloud, grasp_from_above, grasps
 from tests.helpers.planning import LYING, STANDING, mug_problem
 from tests.helpers.rooms import added_files
 
@@ -64,7 +67,7 @@ def test_the_example_finds_grasps(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def _set_down(tmp_path: Path) -> Iterator[None]:
     """Have the README's subgoal and its check lie where it says."""
     text = (ROOT / "planning/README.md").read_text()
-    _, subgoal, check = examples("planning/README.md")
+    _, subgoal, check, _ = examples("planning/README.md")
     with ExitStack() as stack:
         for room, code in (("goals", subgoal), ("checking/goals", check)):
             assert f"`planning/{room}/set_down.py`" in text
@@ -88,6 +91,19 @@ def test_the_subgoal_is_planned_for_and_checked_where_it_says(X_WO: Array) -> No
     assert plan.X_WGoal[2, 2] == pytest.approx(1.0)
     off = replace(plan, X_WGoal=make_pose(p=(0.02, 0.0, 0.0)) @ plan.X_WGoal)
     assert "mm from its place" in goal_check("set_down").off_goal(off, problem)
+
+
+def test_the_table_is_cleared_as_shown() -> None:
+    scene = SimpleNamespace(p_WPs=box_cloud((0.5, 0.0), (0.04, 0.04, 0.06)))
+    defined = executed(
+        examples("planning/README.md")[3],
+        pose_sets={"grasp": grasps(grasp_from_above((0.5, 0.0, 0.045)))},
+        scene=scene,
+        q_start=Q_HOME,
+        layout=replace(Layout(), bin=OpenBin()),
+    )
+    assert defined["segments"] == defined["outcome"].segments
+    assert len(defined["segments"]) == 7
 
 
 def test_objects_of_ones_own_have_a_dataset(
