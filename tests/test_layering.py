@@ -24,6 +24,7 @@ ROOMS = (
     "split_drake.objects.files",
     "split_drake.station",
     "split_drake.split",
+    "split_drake.baselines",
     "split_drake.grasps",
     "split_drake.truth",
     "split_drake.data",
@@ -52,7 +53,10 @@ ROOMS = (
 # Walls between rooms that the order alone would let through.
 WALLS = {
     "planning": (
-        *(f"split_drake.{room}" for room in ("truth", "grasps", "data", "split", "training")),
+        *(
+            f"split_drake.{room}"
+            for room in ("truth", "grasps", "data", "split", "baselines", "training")
+        ),
         *(f"split_drake.{room}" for room in ("evaluation", "tuning", "studies")),
         "split_drake.station.station",
         "split_drake.station.hand",
@@ -71,7 +75,8 @@ WALLS = {
     "split_drake.evaluation": ("split_drake.training",),
 }
 TORCH_ROOMS = tuple(
-    f"split_drake.{room}" for room in ("split", "training", "evaluation", "tuning", "studies")
+    f"split_drake.{room}"
+    for room in ("split", "baselines", "training", "evaluation", "tuning", "studies")
 )
 
 

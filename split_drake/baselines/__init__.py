@@ -1,0 +1,1 @@
+"""Other methods that find grasps, written from their papers."""

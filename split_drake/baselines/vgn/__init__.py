@@ -1,0 +1,1 @@
+"""VGN, the volumetric grasping network (Breyer et al. 2020, arXiv 2101.01132)."""
