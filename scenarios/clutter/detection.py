@@ -20,10 +20,6 @@ from split_drake.scene import Scene
 if TYPE_CHECKING:  # PyTorch is imported by those who need it
     from split_drake.split.detector import SplitDetector
 
-# Grasps that SPLIT scores lower are not tried.  What is left at the end of a round often has none
-# better; chosen on training objects.
-LEAST_SCORE = 0.25
-
 DetectorName = Literal["split", "oracle"]
 
 
@@ -68,9 +64,9 @@ class SplitGrasps:
 @lru_cache(maxsize=1)
 def split_detector(checkpoint: Path) -> "SplitDetector":
     """Return this process's SPLIT, on one thread."""
-    from split_drake.split.detector import SamplerConfig, single_threaded_detector
+    from split_drake.split.detector import CLUTTER_SAMPLER, single_threaded_detector
 
-    return single_threaded_detector(checkpoint, SamplerConfig(threshold=LEAST_SCORE))
+    return single_threaded_detector(checkpoint, CLUTTER_SAMPLER)
 
 
 def ranked(X_WGs: Array, scores: Sequence[float] | Array) -> PoseSet:

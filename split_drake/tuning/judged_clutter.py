@@ -5,7 +5,7 @@ says, which takes a hundredth of what physics takes.
 """
 
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from split_drake.data.clutter.views import merged_mesh
 from split_drake.experiments.provenance import file_sha256
 from split_drake.grasps.clutter_judge import ClutterJudge
 from split_drake.pose_task import GRASP
-from split_drake.split.detector import SamplerConfig, SplitDetector
+from split_drake.split.detector import CLUTTER_SAMPLER, SplitDetector
 from split_drake.station.layout import Layout
 from split_drake.tuning.judged_grasps import (
     Shard,
@@ -70,6 +70,7 @@ class JudgeClutterConfig:
         return {
             "checkpoint": file_sha256(self.checkpoint),
             "library": file_sha256(self.library),
+            "langevin": asdict(CLUTTER_SAMPLER.langevin),
             "scenes_per_shard": self.scenes_per_shard,
             "samples": self.samples,
             "seed": self.seed,
@@ -89,7 +90,7 @@ def judge_clutter_scene(
 
 def write_judged_clutter(config: JudgeClutterConfig, recipe: ClutterRecipe, name: str) -> None:
     """Draw and judge the grasps of a shard, and write them at once or not at all."""
-    sampler = SamplerConfig(samples=config.samples)
+    sampler = replace(CLUTTER_SAMPLER, samples=config.samples)
     detector = SplitDetector.from_checkpoint(config.checkpoint, sampler)
     rng = np.random.default_rng([config.seed, config.names().index(name), _STREAM])
     drawn = ClutterScenes(recipe, rng).draw_all()

@@ -14,7 +14,7 @@ from split_drake.baselines.vgn.network import VgnNetwork
 from split_drake.pose_task import GRASP
 from split_drake.scene import Scene
 from split_drake.split.checkpoint import default_weights, load_checkpoint
-from split_drake.split.detector import SplitDetector
+from split_drake.split.detector import CLUTTER_SAMPLER, SplitDetector
 from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.layout import Layout, two_views
 from tests.split_drake.station.solids import solids, stand
@@ -47,7 +47,7 @@ def test_split_beside_vgn(scene: Scene, threads: int, capsys: pytest.CaptureFixt
     torch.set_num_threads(threads)
     torch.manual_seed(0)
     weights = default_weights().with_name("split_clutter.safetensors")
-    split = SplitDetector(load_checkpoint(weights)[0], scene.workspace)
+    split = SplitDetector(load_checkpoint(weights)[0], scene.workspace, CLUTTER_SAMPLER)
     # How long it takes does not depend on the weights.
     vgn, field = VgnDetector(VgnNetwork()), fused_tsdf(scene.views, scene.workspace)
     split_s, vgn_s = in_turns(

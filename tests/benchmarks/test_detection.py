@@ -12,7 +12,7 @@ from split_drake.objects.mugs.split import load_mug
 from split_drake.pose_task import GRASP, MUG_TASKS
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
-from split_drake.split.detector import SamplerConfig, SplitDetector
+from split_drake.split.detector import CLUTTER_SAMPLER, SamplerConfig, SplitDetector
 from split_drake.split.inference import ScenePredictor
 from split_drake.split.network import SplitNetwork
 from split_drake.split.se3 import compose, uniform_rotations
@@ -64,7 +64,7 @@ def test_one_score_evaluation(
 
 def test_detection_of_grasps_in_clutter(measure: Measure, scene: Scene) -> None:
     clutter = load_checkpoint(default_weights().with_name("split_clutter.safetensors"))[0]
-    detector = SplitDetector(clutter, scene.workspace)
+    detector = SplitDetector(clutter, scene.workspace, CLUTTER_SAMPLER)
     measure(lambda: detector.detect(scene, (GRASP,), np.random.default_rng(0)))
 
 
