@@ -7,7 +7,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-_CORNERS = [(a, b, c) for a in (0, 1) for b in (0, 1) for c in (0, 1)]
+# Of a cell between eight centres.
+CORNERS = [(a, b, c) for a in (0, 1) for b in (0, 1) for c in (0, 1)]
 
 
 def point_kernel(offset_m: float) -> Tensor:
@@ -98,7 +99,7 @@ class FeatureTables:
         weights = (x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]).view(-1, 8)
         index = low.long()
         first = ((scene * size + index[:, 0]) * size + index[:, 1]) * size + index[:, 2]
-        steps = torch.tensor([(a * size + b) * size + c for a, b, c in _CORNERS])
+        steps = torch.tensor([(a * size + b) * size + c for a, b, c in CORNERS])
         rows = first[:, None] + steps.to(first.device)
         return functional.embedding_bag(rows, table, per_sample_weights=weights, mode="sum")
 

@@ -6,39 +6,44 @@ poses, up to rounding, in less than half the time on a CPU.
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
 
 import torch
 from torch import Tensor
 from torch.nn import functional
 
 from split_drake.pose_task import PoseTask
-from split_drake.split.context import FeatureTables, in_pose_axes, pose_numbers
+from split_drake.split.context import CORNERS, FeatureTables, in_pose_axes, pose_numbers
 from split_drake.split.network import FilmMlp, SplitNetwork
 
 
-class _Grid(Protocol):
-    """A feature grid as heads see it: F numbers at each point."""
-
-    def features(self, p_VQs: Tensor) -> Tensor:
-        """Return the numbers (Q, F) at points (Q, 3) in V."""
-
-    def weights(self, columns: Tensor) -> Tensor:
-        """Return weights (..., F) of a linear layer for them, given those (..., C) of channels."""
-
-
 class _LookedUp:
-    """A grid whose C features are interpolated at each point."""
+    """Grids whose features are interpolated at each point: all in one go, as many small steps."""
 
-    def __init__(self, table: Tensor, size: int, edge_m: float) -> None:
+    def __init__(self, tables: FeatureTables, numbers: Sequence[int]) -> None:
         # The encoder may leave the channels outermost; looking up wants rows in one piece.
-        self._tables = FeatureTables((table.contiguous(),), (size,), scenes=1, edge_m=edge_m)
+        self._tables = [tables.tables[number].contiguous() for number in numbers]
+        self._edge_m = tables.edge_m
+        device = self._tables[0].device
+        sizes = torch.tensor([tables.sizes[number] for number in numbers], device=device)
+        self._sizes = sizes.to(self._tables[0])[:, None, None]
+        self._strides = torch.stack([sizes**2, sizes, torch.ones_like(sizes)], -1)[:, None]
+        corners = torch.tensor(CORNERS, device=device)
+        self._steps = (corners * self._strides).sum(-1)[:, None]
 
-    def features(self, p_VQs: Tensor) -> Tensor:
-        return self._tables.lookup(p_VQs[None])[0]
-
-    def weights(self, columns: Tensor) -> Tensor:
-        return columns
+    def features(self, p_VQs: Tensor) -> list[Tensor]:
+        """Return of each grid its C features at points (Q, 3) in V, (Q, C)."""
+        cells = p_VQs / self._edge_m * self._sizes - 0.5
+        cells = torch.minimum(cells.clamp_(min=0.0), self._sizes - 1.0)
+        low = torch.minimum(cells.floor(), self._sizes - 2.0)
+        high_share = cells - low
+        x, y, z = torch.stack([1.0 - high_share, high_share], -1).unbind(2)
+        weights = x[..., :, None, None] * y[..., None, :, None] * z[..., None, None, :]
+        first = (low.long() * self._strides).sum(-1, keepdim=True)
+        rows, weights = first + self._steps, weights.flatten(-3)
+        return [
+            functional.embedding_bag(r, table, per_sample_weights=w, mode="sum")
+            for r, w, table in zip(rows, weights, self._tables, strict=True)
+        ]
 
 
 class _Folded:
@@ -52,22 +57,15 @@ class _Folded:
         self._table, self._size, self._edge_m = table, size, edge_m
 
     def features(self, p_VQs: Tensor) -> Tensor:
+        """Return the weights (Q, n^3) of the cells at points (Q, 3) in V."""
         cells = (p_VQs * (self._size / self._edge_m) - 0.5).clamp(0.0, self._size - 1.0)
         every = torch.arange(self._size, device=cells.device)
         x, y, z = (1.0 - (cells[..., None] - every).abs()).clamp(min=0.0).unbind(1)
         return (x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]).flatten(1)
 
     def weights(self, columns: Tensor) -> Tensor:
+        """Return weights (..., n^3) of a linear layer, given those (..., C) for channels."""
         return columns @ self._table.T
-
-
-def _grids(tables: FeatureTables) -> list[_Grid]:
-    """Return the grids of one scene, each in the form that asks less of a head's first layer."""
-    grids: list[_Grid] = []
-    for table, size in zip(tables.tables, tables.sizes, strict=True):
-        kind = _Folded if size**3 < table.shape[1] else _LookedUp
-        grids.append(kind(table, size, tables.edge_m))
-    return grids
 
 
 # On one thread PyTorch hands 1x1 convolutions to oneDNN from so many images on.
@@ -88,23 +86,43 @@ def _linear(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
 
 
 class _Shell:
-    """Kernel points (K, 3), and the grids of one scene that are looked up there."""
+    """Kernel points (K, 3), and the grids of one scene that are looked up there.
+
+    Each grid is in the form that asks less of a head's first layer.
+    """
 
     def __init__(self, tables: FeatureTables, kernel: Tensor) -> None:
-        self._grids, self._kernel = _grids(tables), kernel
+        self._kernel = kernel
         self._channels = [table.shape[1] for table in tables.tables]
         self.width = len(kernel) * sum(self._channels)
+        grids = list(enumerate(zip(tables.tables, tables.sizes, strict=True)))
+        self._folded = {
+            number: _Folded(table, size, tables.edge_m)
+            for number, (table, size) in grids
+            if size**3 < table.shape[1]
+        }
+        others = [number for number, _ in grids if number not in self._folded]
+        self._lookups = _LookedUp(tables, others) if others else None
 
     def weights(self, columns: Tensor) -> list[Tensor]:
         """Return a first layer's weights for the `features`, given those of the contexts."""
         parts = columns.unflatten(1, (len(self._kernel), -1)).split(self._channels, -1)
-        return [grid.weights(c).flatten(1) for grid, c in zip(self._grids, parts, strict=True)]
+        folded = self._folded
+        return [
+            (folded[number].weights(part) if number in folded else part).flatten(1)
+            for number, part in enumerate(parts)
+        ]
 
     def features(self, X_VPs: Tensor) -> list[Tensor]:
         """Return what the grids show, each (N, F), around poses (N, 4, 4)."""
         p_VQs = X_VPs[:, None, :3, 3] + self._kernel @ X_VPs[:, :3, :3].mT
         p_VQs = p_VQs.flatten(0, 1)
-        return [grid.features(p_VQs).reshape(len(X_VPs), -1) for grid in self._grids]
+        looked_up = iter(self._lookups.features(p_VQs) if self._lookups else ())
+        found = [
+            self._folded[number].features(p_VQs) if number in self._folded else next(looked_up)
+            for number in range(len(self._channels))
+        ]
+        return [each.reshape(len(X_VPs), -1) for each in found]
 
 
 class _Head:
