@@ -17,33 +17,43 @@ from split_drake.split.network import FilmMlp, SplitNetwork
 
 
 class _LookedUp:
-    """Grids whose features are interpolated at each point: all in one go, as many small steps."""
+    """Grids whose features are interpolated at points: all in one go, as many small steps.
 
-    def __init__(self, tables: FeatureTables, numbers: Sequence[int]) -> None:
+    Args:
+        tables: of one scene.
+        numbers: of the grids.
+        points: how many of a pose's points, the first ones, each grid is looked up at.
+    """
+
+    def __init__(
+        self, tables: FeatureTables, numbers: Sequence[int], points: Sequence[int]
+    ) -> None:
         # The encoder may leave the channels outermost; looking up wants rows in one piece.
         self._tables = [tables.tables[number].contiguous() for number in numbers]
+        self._points = points
         self._edge_m = tables.edge_m
         device = self._tables[0].device
         sizes = torch.tensor([tables.sizes[number] for number in numbers], device=device)
-        self._sizes = sizes.to(self._tables[0])[:, None, None]
-        self._strides = torch.stack([sizes**2, sizes, torch.ones_like(sizes)], -1)[:, None]
+        self._sizes = sizes.to(self._tables[0])[:, None, None, None]
+        self._strides = torch.stack([sizes**2, sizes, torch.ones_like(sizes)], -1)[:, None, None]
         corners = torch.tensor(CORNERS, device=device)
-        self._steps = (corners * self._strides).sum(-1)[:, None]
+        self._steps = (corners * self._strides[:, :, 0, None]).sum(-1)[:, None]
 
     def features(self, p_VQs: Tensor) -> list[Tensor]:
-        """Return of each grid its C features at points (Q, 3) in V, (Q, C)."""
+        """Return each grid's features (N, K' * C) at the first K' of points (N, K, 3) in V."""
         cells = p_VQs / self._edge_m * self._sizes - 0.5
         cells = torch.minimum(cells.clamp_(min=0.0), self._sizes - 1.0)
         low = torch.minimum(cells.floor(), self._sizes - 2.0)
         high_share = cells - low
-        x, y, z = torch.stack([1.0 - high_share, high_share], -1).unbind(2)
-        weights = x[..., :, None, None] * y[..., None, :, None] * z[..., None, None, :]
-        first = (low.long() * self._strides).sum(-1, keepdim=True)
-        rows, weights = first + self._steps, weights.flatten(-3)
-        return [
-            functional.embedding_bag(r, table, per_sample_weights=w, mode="sum")
-            for r, w, table in zip(rows, weights, self._tables, strict=True)
-        ]
+        x, y, z = torch.stack([1.0 - high_share, high_share], -1).unbind(3)
+        weights = (x[..., :, None, None] * y[..., None, :, None] * z[..., None, None, :]).flatten(3)
+        rows = (low.long() * self._strides).sum(-1, keepdim=True) + self._steps
+        found = []
+        for r, w, table, points in zip(rows, weights, self._tables, self._points, strict=True):
+            r, w = r[:, :points].reshape(-1, 8), w[:, :points].reshape(-1, 8)
+            features = functional.embedding_bag(r, table, per_sample_weights=w, mode="sum")
+            found.append(features.reshape(len(p_VQs), -1))
+        return found
 
 
 class _Folded:
@@ -85,28 +95,43 @@ def _linear(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
     return outputs.permute(0, 2, 3, 1).reshape(len(x), -1)
 
 
-class _Shell:
-    """Kernel points (K, 3), and the grids of one scene that are looked up there.
+class _Context:
+    """The grids of one scene, each in the form that asks less of a head's first layer.
 
-    Each grid is in the form that asks less of a head's first layer.
+    Features are ordered by grids first, and not as a network's contexts by shells of points.
     """
 
-    def __init__(self, tables: FeatureTables, kernel: Tensor) -> None:
-        self._kernel = kernel
+    def __init__(self, network: SplitNetwork, tables: FeatureTables) -> None:
+        config = network.config
+        self._kernel = torch.cat([network.kernel, network.inner_kernel])
+        self._outer, self._inner = len(network.kernel), len(network.inner_kernel)
         self._channels = [table.shape[1] for table in tables.tables]
-        self.width = len(kernel) * sum(self._channels)
-        grids = list(enumerate(zip(tables.tables, tables.sizes, strict=True)))
-        self._folded = {
-            number: _Folded(table, size, tables.edge_m)
-            for number, (table, size) in grids
-            if size**3 < table.shape[1]
-        }
-        others = [number for number, _ in grids if number not in self._folded]
-        self._lookups = _LookedUp(tables, others) if others else None
+        grids = config.context_grids if config.context == "local" else ()
+        looked_up_inside = config.inner_grids if self._inner else ()
+        self._inside = [grids.index(grid) for grid in looked_up_inside]
+        self._folded: dict[int, _Folded] = {}
+        for number, (table, size) in enumerate(zip(tables.tables, tables.sizes, strict=True)):
+            if size**3 < table.shape[1]:
+                self._folded[number] = _Folded(table, size, tables.edge_m)
+        others = [n for n in range(len(self._channels)) if n not in self._folded]
+        points = [self._points_of(number) for number in others]
+        self._looked_up = _LookedUp(tables, others, points) if others else None
+
+    @property
+    def width(self) -> int:
+        """Features of a network's context at the points, without the pose's own numbers."""
+        inside = sum(self._channels[number] for number in self._inside)
+        return self._outer * sum(self._channels) + self._inner * inside
 
     def weights(self, columns: Tensor) -> list[Tensor]:
-        """Return a first layer's weights for the `features`, given those of the contexts."""
-        parts = columns.unflatten(1, (len(self._kernel), -1)).split(self._channels, -1)
+        """Return a first layer's weights for the `features`, given those of a network's context."""
+        outer, inner = columns.split([self.width - self._inner_width, self._inner_width], 1)
+        parts = list(outer.unflatten(1, (self._outer, -1)).split(self._channels, -1))
+        channels = [self._channels[number] for number in self._inside]
+        if self._inner:
+            of_inside = inner.unflatten(1, (self._inner, -1)).split(channels, -1)
+            for number, part in zip(self._inside, of_inside, strict=True):
+                parts[number] = torch.cat([parts[number], part], 1)
         folded = self._folded
         return [
             (folded[number].weights(part) if number in folded else part).flatten(1)
@@ -116,25 +141,31 @@ class _Shell:
     def features(self, X_VPs: Tensor) -> list[Tensor]:
         """Return what the grids show, each (N, F), around poses (N, 4, 4)."""
         p_VQs = X_VPs[:, None, :3, 3] + self._kernel @ X_VPs[:, :3, :3].mT
-        p_VQs = p_VQs.flatten(0, 1)
-        looked_up = iter(self._lookups.features(p_VQs) if self._lookups else ())
-        found = [
-            self._folded[number].features(p_VQs) if number in self._folded else next(looked_up)
+        looked_up = iter(self._looked_up.features(p_VQs) if self._looked_up else ())
+        return [
+            self._folded_features(number, p_VQs) if number in self._folded else next(looked_up)
             for number in range(len(self._channels))
         ]
-        return [each.reshape(len(X_VPs), -1) for each in found]
+
+    @property
+    def _inner_width(self) -> int:
+        return self._inner * sum(self._channels[number] for number in self._inside)
+
+    def _points_of(self, number: int) -> int:
+        return self._outer + (self._inner if number in self._inside else 0)
+
+    def _folded_features(self, number: int, p_VQs: Tensor) -> Tensor:
+        points = p_VQs[:, : self._points_of(number)].flatten(0, 1)
+        return self._folded[number].features(points).reshape(len(p_VQs), -1)
 
 
 class _Head:
-    """A `FilmMlp` whose first layer is for the features of shells, and numbers of the pose."""
+    """A `FilmMlp` whose first layer is for the features of a context, and numbers of the pose."""
 
-    def __init__(self, mlp: FilmMlp, shells: Sequence[_Shell]) -> None:
+    def __init__(self, mlp: FilmMlp, context: _Context) -> None:
         self._mlp = mlp
-        widths = [shell.width for shell in shells]
-        of_shells, of_pose = mlp.input.weight.tensor_split([sum(widths)], 1)
-        columns = of_shells.split(widths, 1)
-        parts = [w for shell, c in zip(shells, columns, strict=True) for w in shell.weights(c)]
-        self._weights = [torch.cat([*parts, of_pose], 1)]
+        of_points, of_pose = mlp.input.weight.tensor_split([context.width], 1)
+        self._weights = [torch.cat([*context.weights(of_points), of_pose], 1)]
         self._weights += [layer.get_parameter("weight") for layer in mlp.hidden]
         self._biases = [layer.get_parameter("bias") for layer in (mlp.input, *mlp.hidden)]
 
@@ -166,11 +197,9 @@ class ScenePredictor:
     def __init__(self, network: SplitNetwork, occupied: Tensor, tasks: Sequence[PoseTask]) -> None:
         self._network = network
         tables = network.encode(occupied[None].to(network.device))
-        self._shells = [_Shell(tables, network.kernel)]
-        if len(network.inner_kernel):
-            self._shells.append(_Shell(network.inner_tables(tables), network.inner_kernel))
-        self._score_head = _Head(network.score_head, self._shells)
-        self._evaluator_head = _Head(network.evaluator_head, self._shells)
+        self._context = _Context(network, tables)
+        self._score_head = _Head(network.score_head, self._context)
+        self._evaluator_head = _Head(network.evaluator_head, self._context)
         indices = torch.tensor([network.tasks.index(task) for task in tasks], device=network.device)
         self._one_hot = functional.one_hot(indices, len(network.tasks)).float()
 
@@ -192,7 +221,7 @@ class ScenePredictor:
     def _features(self, X_VPs: Tensor) -> Tensor:
         """Return what the heads' first layers see, (T * N, F), of poses (T, N, 4, 4)."""
         config, X_VPs = self._network.config, X_VPs.flatten(0, 1)
-        parts = [part for shell in self._shells for part in shell.features(X_VPs)]
+        parts = self._context.features(X_VPs)
         if config.pose_width:
             parts.append(pose_numbers(X_VPs, config.edge_m)[:, -config.pose_width :])
         return torch.cat(parts, 1)
