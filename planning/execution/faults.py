@@ -74,7 +74,8 @@ def find_fault(
         reason = f"the hand is caught on the object: more than {CATCHING_FORCE_N:g} N"
         return FoundFault(Fault.CAUGHT, Stage.PLACEMENT, reason)
     if name in LOSS_STAGES and opening_m < EMPTY_OPENING_M:
-        reason = f"the hand is empty after {name}: its opening is {1e3 * opening_m:.1f} mm"
+        closed_mm = 1e3 * max(opening_m, 0.0)
+        reason = f"the hand is empty after {name}: its opening is {closed_mm:.1f} mm"
         return FoundFault(Fault.EMPTY, LOSS_STAGES[name], reason)
     if name not in (SegmentName.TRANSFER, SegmentName.INSERT) or segment.stop_on_contact:
         return None

@@ -213,4 +213,6 @@ def kind_of_failure(reason: str) -> str:
         return f"{kind_of_failure(reason.partition(';')[0])}; it was stopped on its way in"
     if reason.startswith("the pads closed"):
         return "the pads closed on nothing"
+    if reason.startswith(("the hand is empty after", "the object slipped during")):
+        return reason.partition(":")[0]
     return reason

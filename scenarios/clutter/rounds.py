@@ -45,7 +45,7 @@ FAILURES_IN_A_ROW = 2
 # The hand is seen from beside the camera, the arm with its bin from further away.
 _VIEWPOINTS = {
     "hand": Viewpoint((0.62, -0.42, 0.30), (0.5, 0.0, 0.05)),
-    "arm": Viewpoint((1.05, -0.75, 0.75), (0.30, -0.15, 0.10)),
+    "arm": Viewpoint((0.95, -0.65, 0.60), (0.27, -0.17, 0.08)),
 }
 
 

@@ -70,6 +70,14 @@ def test_records_survive_their_line() -> None:
         ("the hand touches a#1, table 50 mm before the grasp", "the hand touches something"),
         ("the pads closed to 3.1 mm", "the pads closed on nothing"),
         (
+            "the hand is empty after close: its opening is 0.0 mm",
+            "the hand is empty after close",
+        ),
+        (
+            "the object slipped during transfer: the opening went from 16.3 mm to 12.6 mm",
+            "the object slipped during transfer",
+        ),
+        (
             "the hand holds nothing; it was stopped 12 mm before the grasp by can#2",
             "the hand holds nothing; it was stopped on its way in",
         ),
