@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import tyro
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -22,6 +21,7 @@ from scenarios.clutter.spec import SceneKind, draw_start, drawn_objects
 from scenarios.clutter_removal import ClutterOptions, missing_rounds
 from scenarios.viewing.pose_drawing import score_bands
 from split_drake.camera import Intrinsics, look_at, project
+from split_drake.experiments.command import run_command
 from split_drake.grasps.sampling import spread_evenly
 from split_drake.pose_set import PoseSet
 from split_drake.poses import Array
@@ -102,4 +102,4 @@ def main(options: PictureOptions) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(PictureOptions, description=__doc__))
+    run_command(main, PictureOptions, __doc__)

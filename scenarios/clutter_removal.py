@@ -16,7 +16,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import tyro
 from rich.console import Console
 
 from scenarios.clutter.arm_clearing import arm_layout
@@ -33,6 +32,7 @@ from scenarios.clutter.spec import (
     Selection,
     object_source,
 )
+from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.objects.files.mesh_file import ObjectFileError
@@ -180,4 +180,4 @@ def main(options: ClutterOptions) -> Path:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(ClutterOptions, description=__doc__))
+    run_command(main, ClutterOptions, __doc__)

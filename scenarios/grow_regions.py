@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.progress import track
 
@@ -20,6 +19,7 @@ from planning.planner import make_planner
 from planning.problem import Plan, PlanningProblem
 from planning.problem_files import SHIPPED_PROBLEMS, load_problems
 from scenarios.bench.plan_measures import FREE_SEGMENTS
+from split_drake.experiments.command import run_command
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_OPENING_M
 from split_drake.robot.panda import Q_HOME
@@ -96,4 +96,4 @@ def main(options: GrowOptions) -> Path:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(GrowOptions, description=__doc__))
+    run_command(main, GrowOptions, __doc__)

@@ -16,7 +16,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
-import tyro
 from rich.console import Console
 
 from planning.planner import planner_names
@@ -29,6 +28,7 @@ from scenarios.trials.records import TrialRecord, success_rate, trial_run
 from scenarios.trials.report import print_report, run_title, write_report
 from scenarios.trials.spec import TrialSpec
 from scenarios.trials.trial import crashed_trial, run_trial
+from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import RunFolder, as_json
@@ -202,4 +202,4 @@ def main(options: MugHangOptions) -> Path:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(MugHangOptions, description=__doc__))
+    run_command(main, MugHangOptions, __doc__)

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import tyro
 from rich.console import Console
 
 from scenarios.study.cells import FACTORS, Cell, Factor, study_cells
@@ -25,6 +24,7 @@ from scenarios.study.trials import (
     run_study_trial,
     study_run,
 )
+from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version
 from split_drake.station.config import StationConfig
@@ -92,4 +92,4 @@ def main(options: StudyOptions) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(StudyOptions, description=__doc__))
+    run_command(main, StudyOptions, __doc__)

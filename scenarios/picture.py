@@ -14,6 +14,8 @@ from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
 # Software rendering, and no connection to anywhere.
+from split_drake.experiments.command import run_command
+
 _BROWSER_FLAGS = (
     "--no-sandbox",
     "--use-gl=swiftshader",
@@ -88,4 +90,4 @@ def main(options: PictureOptions) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(PictureOptions, description=__doc__))
+    run_command(main, PictureOptions, __doc__)

@@ -18,7 +18,6 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import tyro
 from rich.console import Console
 
 from planning.checking.goal_checks import require_checks_in_files
@@ -32,6 +31,7 @@ from scenarios.bench.records import (
     run_task,
 )
 from scenarios.bench.report import print_bench, write_bench_summary
+from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import as_json
@@ -142,4 +142,4 @@ def main(options: BenchOptions) -> Path:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(BenchOptions, description=__doc__))
+    run_command(main, BenchOptions, __doc__)

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import tyro
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from scenarios.viewing.pose_drawing import pose_segments
 from split_drake.camera import Intrinsics, look_at, project
+from split_drake.experiments.command import run_command
 from split_drake.grasps.judge import feasible
 from split_drake.grasps.sampling import sample_grasps
 from split_drake.objects.mug_shape import MugShape
@@ -106,4 +106,4 @@ def main(options: PictureOptions) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(PictureOptions, description=__doc__))
+    run_command(main, PictureOptions, __doc__)

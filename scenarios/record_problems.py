@@ -15,7 +15,6 @@ from itertools import product
 from pathlib import Path
 from typing import Literal
 
-import tyro
 from rich.console import Console
 from rich.progress import track
 
@@ -27,6 +26,7 @@ from scenarios.trials.mug_tasks import MUG_TASK_NAMES, MugTaskName
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.setup import TrialGenerators, set_up
 from scenarios.trials.spec import TrialSpec
+from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.pose_task import GRASP
@@ -162,4 +162,4 @@ def main(options: RecordOptions) -> Path:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(RecordOptions, description=__doc__))
+    run_command(main, RecordOptions, __doc__)

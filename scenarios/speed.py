@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.table import Table
 
 from scenarios import mug_hang
 from scenarios.trials.records import TrialRecord, trial_run
+from split_drake.experiments.command import run_command
 
 GIB = 2.0**30
 
@@ -143,4 +143,4 @@ def main(options: SpeedOptions) -> list[Figure]:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(SpeedOptions, description=__doc__))
+    run_command(main, SpeedOptions, __doc__)

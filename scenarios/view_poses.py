@@ -14,6 +14,7 @@ import numpy as np
 import tyro
 
 from scenarios.viewing.pose_drawing import ColoredSegments, score_bands
+from split_drake.experiments.command import run_command
 from split_drake.files import write_atomically
 from split_drake.pose_set import PoseSets, load_pose_sets
 from split_drake.poses import Array, make_pose
@@ -95,4 +96,4 @@ def main(options: ViewOptions) -> Path:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(ViewOptions, description=__doc__))
+    run_command(main, ViewOptions, __doc__)

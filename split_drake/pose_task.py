@@ -12,6 +12,7 @@ from typing import Any, Literal, Self, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from split_drake.bad_input import BadInputError
 from split_drake.poses import Array, make_pose, rotation_error_rad
 
 Axis = Literal["x", "y", "z"]
@@ -20,7 +21,7 @@ SymmetryKind = Literal["none", "half turn", "any turn"]
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
-class UnknownTaskError(ValueError):
+class UnknownTaskError(BadInputError):
     """A task was asked for that is not among those known."""
 
 

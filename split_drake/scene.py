@@ -9,11 +9,12 @@ import fpsample
 import numpy as np
 from numpy.typing import NDArray
 
+from split_drake.bad_input import BadInputError
 from split_drake.camera import DepthView
 from split_drake.poses import Array
 
 
-class EmptySceneError(ValueError):
+class EmptySceneError(BadInputError):
     """No depth pixel fell onto anything in the workspace."""
 
 

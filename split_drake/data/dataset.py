@@ -37,6 +37,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from split_drake.bad_input import BadInputError
 from split_drake.experiments.provenance import file_sha256
 from split_drake.files import replacing
 from split_drake.pose_task import PoseTask
@@ -54,7 +55,7 @@ CELLS = 65536
 Shard = dict[str, np.ndarray]
 
 
-class DatasetError(ValueError):
+class DatasetError(BadInputError):
     """A folder holds no dataset, or a damaged one."""
 
 

@@ -30,7 +30,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tyro
 from rich.progress import track
 
 from split_drake.data.dataset import FORMAT_VERSION, MANIFEST, read_shard, write_shard
@@ -40,6 +39,7 @@ from split_drake.data.object_scenes import ObjectScenes, feature_visible
 from split_drake.data.randomization import DomainRandomization
 from split_drake.data.rests import Rests, load_rests, rests_path
 from split_drake.data.scene_generator import SceneGenerator
+from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import InThisProcess, WorkerPool
 from split_drake.experiments.provenance import combined_sha256, file_sha256, qualified_name
 from split_drake.experiments.run import claim_folder
@@ -240,4 +240,4 @@ def main(config: GenerateConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(GenerateConfig, description=__doc__))
+    run_command(main, GenerateConfig, __doc__)

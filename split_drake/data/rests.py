@@ -11,10 +11,11 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
-import tyro
 from rich.progress import track
 from scipy.spatial.transform import Rotation
 
+from split_drake.bad_input import BadInputError
+from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.files import replacing
 from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
@@ -31,7 +32,7 @@ from split_drake.truth.state import Truth
 MAX_DRAWS_PER_REST = 20
 
 
-class RestsError(ValueError):
+class RestsError(BadInputError):
     """Rests are missing, or were made for other mugs."""
 
 
@@ -152,4 +153,4 @@ def settle_split(config: SettleConfig, layout: Layout) -> None:
 
 
 if __name__ == "__main__":
-    settle_split(tyro.cli(SettleConfig, description=__doc__), Layout())
+    run_command(lambda config: settle_split(config, Layout()), SettleConfig, __doc__)

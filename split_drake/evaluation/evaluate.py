@@ -10,13 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import tyro
 from rich.console import Console
 
 from split_drake.evaluation.evaluation import Evaluation, evaluate
 from split_drake.evaluation.examiner import DetectorMaker
 from split_drake.evaluation.scenes import EvalMugs, EvalOptions
 from split_drake.evaluation.summary import calibration_table, metrics_table, subjects_table
+from split_drake.experiments.command import run_command
 from split_drake.experiments.provenance import UNKNOWN_COMMIT, file_sha256
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.pose_task import PoseTask, UnknownTaskError
@@ -164,4 +164,4 @@ def main(config: EvaluateConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(EvaluateConfig))
+    run_command(main, EvaluateConfig)

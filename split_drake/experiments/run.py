@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from split_drake.bad_input import BadInputError
 from split_drake.files import write_atomically, write_json
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ CONFIG = "config.json"
 _SHOWN = 80
 
 
-class AnotherRunError(ValueError):
+class AnotherRunError(BadInputError):
     """A folder holds a run with other options, data, weights or code."""
 
 

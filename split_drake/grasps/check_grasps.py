@@ -12,9 +12,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import tyro
 from rich.progress import track
 
+from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.grasps.free_hand import FreeHand
 from split_drake.grasps.judge import MIN_QUALITY, GraspJudge, opening_for
@@ -134,4 +134,4 @@ def check_split(config: CheckConfig, station: StationConfig) -> None:
 
 
 if __name__ == "__main__":
-    check_split(tyro.cli(CheckConfig, description=__doc__), StationConfig(Layout()))
+    run_command(lambda config: check_split(config, StationConfig(Layout())), CheckConfig, __doc__)

@@ -13,6 +13,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from split_drake.bad_input import BadInputError
 from split_drake.files import replacing
 from split_drake.grasps.free_hand import MAX_SLIP_M, MAX_TURN_RAD
 from split_drake.objects.mugs.split import Split, mugs_sha256
@@ -22,7 +23,7 @@ from split_drake.poses import Array
 _MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
 
 
-class GraspStoreError(ValueError):
+class GraspStoreError(BadInputError):
     """A store is missing, or was made for other mugs."""
 
 

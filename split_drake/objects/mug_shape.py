@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from split_drake.bad_input import BadInputError
 from split_drake.objects.handle_points import HandlePoints
 from split_drake.objects.rigid import RigidObject
 from split_drake.objects.task_object import TaskObject
@@ -11,7 +12,7 @@ from split_drake.pose_task import HANDLE, UPRIGHT
 from split_drake.poses import Array
 
 
-class InvalidMugError(ValueError):
+class InvalidMugError(BadInputError):
     """The parameters describe no usable mug; the message starts with the reason."""
 
 

@@ -13,6 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from split_drake.bad_input import BadInputError
 from split_drake.files import replacing
 from split_drake.pose_task import MUG_TASKS, PoseTask
 from split_drake.scene import Workspace
@@ -27,7 +28,7 @@ DEFAULT_WEIGHTS = "split_mugs.safetensors"
 FIRST_WORKSPACE = Workspace((0.5, 0.0, 0.0), 0.3, 0.05, 0.004)
 
 
-class CheckpointError(ValueError):
+class CheckpointError(BadInputError):
     """A file is no checkpoint that this version can read."""
 
 

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 import torch
-import tyro
 from rich.console import Console
 
 from split_drake.data.dataset import SceneDataset
 from split_drake.evaluation.evaluate import MugEvalOptions
 from split_drake.evaluation.evaluation import METRICS, evaluate
+from split_drake.experiments.command import run_command
 from split_drake.experiments.provenance import file_sha256
 from split_drake.pose_task import MUG_TASKS
 from split_drake.split.checkpoint import default_weights, load_checkpoint
@@ -171,7 +171,12 @@ def ablate(config: AblateConfig, console: Console) -> list[Row]:
     return rows
 
 
-if __name__ == "__main__":
+def main(config: AblateConfig) -> None:
+    """Ablate, and print the table."""
     torch.set_float32_matmul_precision("high")
     terminal = Console(soft_wrap=True)
-    terminal.print(terminal_table(ablate(tyro.cli(AblateConfig), terminal)))
+    terminal.print(terminal_table(ablate(config, terminal)))
+
+
+if __name__ == "__main__":
+    run_command(main, AblateConfig)

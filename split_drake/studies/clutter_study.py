@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import torch
 import trimesh
-import tyro
 from rich.console import Console
 from rich.table import Table
 from scipy.spatial import cKDTree
@@ -25,6 +24,7 @@ from scipy.spatial import cKDTree
 from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScene, ClutterScenes
 from split_drake.data.clutter.sizes import clutter_source
 from split_drake.data.clutter.views import merged_mesh
+from split_drake.experiments.command import run_command
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import claim_folder
 from split_drake.files import write_json
@@ -206,4 +206,4 @@ def main(config: ClutterStudyConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(ClutterStudyConfig, description=__doc__))
+    run_command(main, ClutterStudyConfig, __doc__)

@@ -15,7 +15,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import tyro
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
@@ -23,6 +22,7 @@ from rich.table import Table
 
 from split_drake.evaluation.evaluate import MugEvalOptions
 from split_drake.evaluation.evaluation import evaluate
+from split_drake.experiments.command import run_command
 from split_drake.experiments.provenance import file_sha256
 from split_drake.files import write_json
 from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
@@ -235,4 +235,4 @@ def main(config: StudyConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(StudyConfig))
+    run_command(main, StudyConfig)

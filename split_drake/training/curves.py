@@ -12,6 +12,7 @@ import tyro
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, StrMethodFormatter
 
+from split_drake.experiments.command import run_command
 from split_drake.poses import Array
 from split_drake.training.training_folder import TrainingFolder
 
@@ -94,4 +95,4 @@ def main(config: CurvesConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(CurvesConfig, description=__doc__))
+    run_command(main, CurvesConfig, __doc__)

@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import torch
-import tyro
 from rich.console import Console
 from rich.progress import Progress
 
 from split_drake.data.dataset import SceneDataset
+from split_drake.experiments.command import run_command
 from split_drake.experiments.provenance import file_sha256, git_commit
 from split_drake.pose_task import UnknownTaskError, find_tasks
 from split_drake.scene import Workspace
@@ -292,4 +292,4 @@ def train(config: TrainConfig, console: Console | None = None) -> None:
 
 if __name__ == "__main__":
     torch.set_float32_matmul_precision("high")
-    train(tyro.cli(TrainConfig))
+    run_command(train, TrainConfig)

@@ -10,6 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from split_drake.bad_input import BadInputError
 from split_drake.files import replacing
 from split_drake.split.network import SplitNetwork
 from split_drake.split.network_config import SplitConfig
@@ -23,7 +24,7 @@ class TrainingDivergedError(RuntimeError):
     """Losses or gradients stopped being finite."""
 
 
-class StateError(ValueError):
+class StateError(BadInputError):
     """A file holds no state that this trainer can go on from."""
 
 

@@ -27,6 +27,7 @@ import torch
 from numpy.typing import NDArray
 from rich.progress import track
 
+from split_drake.bad_input import BadInputError
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.run import CONFIG, claim_folder
 from split_drake.files import replacing
@@ -37,7 +38,7 @@ from split_drake.training.augmentation import AugmentationConfig
 Shard = dict[str, np.ndarray]
 
 
-class JudgedGraspsError(ValueError):
+class JudgedGraspsError(BadInputError):
     """A folder holds not all of the judged grasps."""
 
 

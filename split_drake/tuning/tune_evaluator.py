@@ -21,6 +21,7 @@ import tyro
 from rich.console import Console
 
 from split_drake.data.dataset import SceneDataset
+from split_drake.experiments.command import told_in_a_sentence
 from split_drake.experiments.provenance import git_commit
 from split_drake.objects.mugs.split import mug_names
 from split_drake.pose_task import UnknownTaskError
@@ -108,8 +109,8 @@ def main(config: JudgeConfig | JudgeClutterConfig | TuneConfig) -> None:
 
 
 if __name__ == "__main__":
-    main(
-        tyro.extras.subcommand_cli_from_dict(
-            {"judge": JudgeConfig, "judge-clutter": JudgeClutterConfig, "tune": TuneConfig}
-        )
+    asked = tyro.extras.subcommand_cli_from_dict(
+        {"judge": JudgeConfig, "judge-clutter": JudgeClutterConfig, "tune": TuneConfig}
     )
+    with told_in_a_sentence():
+        main(asked)

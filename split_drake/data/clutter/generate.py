@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import tyro
 from rich.progress import track
 
 from split_drake.data.clutter.labels import FALSE_KEPT, TRUE_KEPT
@@ -30,6 +29,7 @@ from split_drake.data.dataset import (
 )
 from split_drake.data.labels import PoseState
 from split_drake.data.object_scenes import NO_FEATURE
+from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import InThisProcess, WorkerPool
 from split_drake.experiments.provenance import combined_sha256, file_sha256
 from split_drake.experiments.run import claim_folder
@@ -148,4 +148,4 @@ def main(options: ClutterOptions) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(ClutterOptions, description=__doc__))
+    run_command(main, ClutterOptions, __doc__)

@@ -15,10 +15,10 @@ from typing import Literal, Self
 import numpy as np
 import shapely
 import trimesh
-import tyro
 from rich.progress import track
 
 from split_drake.data.clutter.sizes import clutter_source
+from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import InThisProcess, WorkerPool
 from split_drake.files import replacing
 from split_drake.grasps.clutter_judge import CONE_RAD, LEAST_QUALITY, LEAST_WIDTH_M
@@ -272,4 +272,4 @@ def main(options: LibraryOptions) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(LibraryOptions, description=__doc__))
+    run_command(main, LibraryOptions, __doc__)

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from split_drake.bad_input import BadInputError
+
 SUFFIXES = (".obj", ".stl", ".ply", ".glb")
 MIN_SIZE_M = 0.005
 MAX_SIZE_M = 0.6
@@ -16,7 +18,7 @@ _MIN_VOLUME_M3 = 1e-9
 _MERGE_DIGITS = 9
 
 
-class ObjectFileError(ValueError):
+class ObjectFileError(BadInputError):
     """No usable object; one sentence: which file or folder, what is wrong, what was expected."""
 
 

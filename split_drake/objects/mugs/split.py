@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-import tyro
 from rich import print
 
+from split_drake.experiments.command import run_command
 from split_drake.files import write_json
 from split_drake.objects.mug_shape import InvalidMugError, MugShape
 from split_drake.objects.mugs.build import build_mug
@@ -122,4 +122,4 @@ def write_split(config: SplitConfig) -> None:
 
 
 if __name__ == "__main__":
-    write_split(tyro.cli(SplitConfig))
+    run_command(write_split, SplitConfig)

@@ -13,10 +13,10 @@ from typing import Literal
 import matplotlib.pyplot as plt
 import numpy as np
 import trimesh
-import tyro
 from numpy.typing import NDArray
 from rich.progress import track
 
+from split_drake.experiments.command import run_command
 from split_drake.files import replacing
 from split_drake.objects.convex_pieces import piece_mesh
 from split_drake.objects.procedural.split import ProceduralSource, Split, entries, kinds_of
@@ -166,4 +166,4 @@ def draw_sheet(config: SheetConfig) -> None:
 
 
 if __name__ == "__main__":
-    draw_sheet(tyro.cli(SheetConfig, description=__doc__))
+    run_command(draw_sheet, SheetConfig, __doc__)

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-import tyro
 from rich import print
 from rich.progress import track
 
+from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.files import write_json
 from split_drake.objects.antipodal import antipodal_share
@@ -222,4 +222,4 @@ def write_split(config: SplitConfig) -> None:
 
 
 if __name__ == "__main__":
-    write_split(tyro.cli(SplitConfig, description=__doc__))
+    run_command(write_split, SplitConfig, __doc__)
