@@ -9,6 +9,7 @@ from planning.clearing.drop_plan import DropPlan, DropProblem
 from planning.clearing.drop_planner import DropPlanner
 from planning.execution.executor import ExecutionResult, Executor
 from planning.execution.faults import Fault
+from planning.geometry.modes import away_from
 from planning.handling.recovery import Recovery
 from planning.problem import PlanFailure, SegmentName
 from scenarios.clutter.clearing import names_of
@@ -17,7 +18,8 @@ from scenarios.clutter.records import GraspRecord
 from split_drake.camera import DepthView
 from split_drake.objects.rigid import RigidObject
 from split_drake.pose_set import PoseSet
-from split_drake.poses import make_pose, rotation_x, rotation_z
+from split_drake.pose_task import GRASP
+from split_drake.poses import Array, make_pose, rotation_x, rotation_z
 from split_drake.scene import Scene
 from split_drake.station.layout import Layout, OpenBin
 from split_drake.station.station import Station
@@ -55,6 +57,7 @@ class ArmClearing:
         self._recovery = Recovery(self._executor, station.config.layout, ways_out=0)
         self._binned: set[int] = set()
         self._plan: DropPlan | None = None
+        self._X_WGfailed: list[Array] = []
         self.truth = Truth(station)
 
     @property
@@ -75,10 +78,15 @@ class ArmClearing:
         return view
 
     def choose(self, found: PoseSet, scene: Scene, order: Sequence[int]) -> int | str:
-        """Return the first of the grasps that there is a plan with, or why there is none."""
-        problem = DropProblem(
-            found, scene.p_WPs, self._station.q, self._station.config.layout, tuple(order)
-        )
+        """Return the first of the grasps that there is a plan with, or why there is none.
+
+        Grasps like those that failed since one succeeded come last: what lies there is as it was.
+        """
+        X_WGfailed = np.reshape(self._X_WGfailed, (-1, 4, 4))
+        fresh = away_from(found.X_WPs, X_WGfailed, GRASP.symmetry)
+        tried = tuple(sorted(order, key=lambda index: not fresh[index]))
+        layout = self._station.config.layout
+        problem = DropProblem(found, scene.p_WPs, self._station.q, layout, tried)
         outcome = self._planner.plan(problem, self._rng)
         if isinstance(outcome, PlanFailure):
             return outcome.reason
@@ -96,6 +104,7 @@ class ArmClearing:
         done = self._carry_out(plan)
         removal = sort_out(self._station, self.truth, self._binned)
         self._binned.update(removal.taken)
+        self._X_WGfailed = [] if removal.taken else [*self._X_WGfailed, plan.X_WG]
         reason = "" if removal.taken else done.reason or "nothing came into the bin"
         return GraspRecord(
             X_WG=plan.X_WG.tolist(),

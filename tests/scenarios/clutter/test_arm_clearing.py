@@ -84,6 +84,20 @@ def test_an_empty_hand_comes_home_and_tries_again() -> None:
     assert arm.take(found, 0).taken == ("tin",)
 
 
+def test_a_grasp_that_failed_comes_last_until_one_succeeds() -> None:
+    arm, station = clearing()
+    on_cube = grasp_from_above((0.56, 0.06, 0.04))
+    found = grasps(ON_TIN, on_cube)
+    assert arm.choose(found, look(arm), range(2)) == 0
+    station.place_object(TIN, make_pose(p=(0.47, 0.12, 0.0005)))
+    assert arm.take(found, 0).taken == ()
+    station.place_object(TIN, make_pose(p=(0.47, 0.0, 0.0005)))
+    station.advance(0.2)
+    assert arm.choose(found, look(arm), range(2)) == 1
+    assert arm.take(found, 1).taken == ("cube",)
+    assert arm.choose(found, look(arm), range(2)) == 0
+
+
 def test_only_what_was_chosen_is_tried() -> None:
     arm, _ = clearing()
     with pytest.raises(ValueError, match="grasp 0 has no plan"):
