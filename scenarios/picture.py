@@ -13,9 +13,9 @@ import tyro
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
-# Software rendering, and no connection to anywhere.
 from split_drake.experiments.command import run_command
 
+# Software rendering, and no connection to anywhere.
 _BROWSER_FLAGS = (
     "--no-sandbox",
     "--use-gl=swiftshader",
