@@ -1,4 +1,8 @@
-"""Training of a network's evaluator alone, on grasps that the network drew and that were judged."""
+"""Training of a network's evaluator on grasps that the network drew and that were judged.
+
+The evaluator alone, or all of the network: then the encoder learns what tells grasps that hold from
+others, and the loss of its training keeps the score what it is.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -7,7 +11,7 @@ from typing import Self
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from split_drake.evaluation.calibration import area_under_curve
 from split_drake.pose_task import GRASP
@@ -21,14 +25,17 @@ from split_drake.training.augmentation import (
     turned_alike,
     voxelize,
 )
-from split_drake.training.batches import BatchConfig, draw_batch
-from split_drake.training.losses import focal_loss
+from split_drake.training.batches import BatchConfig, TrainingBatch, draw_batch
+from split_drake.training.losses import compute_losses, focal_loss
 from split_drake.training.training_scenes import TrainingScenes
 from split_drake.tuning.judged_grasps import JudgedGrasps
 
 # Of each so many shards the last is not trained on, but tells what tuning has brought.
 HELD_OUT = 10
 MEASURED_NOISE_M = 0.005
+# Of the whole network: the judged grasps' weight beside the loss of training.
+JUDGED_WEIGHT = 1.0
+GRADIENT_NORM = 1.0
 
 
 @dataclass(frozen=True)
@@ -42,9 +49,11 @@ class TuneConfig:
         out: checkpoint to write.
         steps: optimiser steps.
         learning_rate: of Adam at the first step; it falls to 0 like a cosine.
+        whole: whether the whole network is trained, and not its evaluator alone.
         seed: of the batches.
-        batch: scenes, poses of other tasks and false grasps in a step; there are as many scenes
-            again of judged grasps, all of a scene's at once.
+        batch: scenes, poses of other tasks (of all tasks where the whole network is trained) and
+            false grasps in a step; there are as many scenes again of judged grasps, all of a
+            scene's at once.
     """
 
     judged: Path
@@ -53,13 +62,20 @@ class TuneConfig:
     out: Path
     steps: int = 3000
     learning_rate: float = 3e-4
+    whole: bool = False
     seed: int = 0
     batch: BatchConfig = field(default_factory=lambda: BatchConfig(poses_of=((GRASP.name, 0),)))
 
     def __post_init__(self) -> None:
-        if count := self.batch.count(GRASP):
+        count = self.batch.count(GRASP)
+        if count and not self.whole:
             raise ValueError(
                 f"batch.poses_of has {count} grasps; expected 0: the judged ones take their place"
+            )
+        if self.whole and not count:
+            raise ValueError(
+                "batch.poses_of has 0 grasps; expected some where the whole network is trained, "
+                "such as --batch.poses-of grasp 64"
             )
 
 
@@ -115,15 +131,16 @@ class JudgedScenes:
 
 
 def evaluator_logits(
-    network: SplitNetwork, occupied: Tensor, X_VPs: Tensor, tasks: Tensor
+    network: SplitNetwork, occupied: Tensor, X_VPs: Tensor, tasks: Tensor, whole: bool = False
 ) -> Tensor:
     """Return logits (B, P) of poses (B, P, 4, 4), with a gradient for the evaluator alone.
 
     Args:
         occupied: (B, r, r, r) voxels.
         tasks: (G,) indices into the network's tasks of the G groups that a scene's poses fall into.
+        whole: whether the encoder has a gradient too.
     """
-    with torch.no_grad():
+    with torch.set_grad_enabled(whole and torch.is_grad_enabled()):
         context = network.local_context(network.encode(occupied), X_VPs)
     grouped = context.view(len(occupied) * len(tasks), -1, context.shape[-1])
     return network.evaluate(grouped, tasks.repeat(len(occupied))).view(X_VPs.shape[:2])
@@ -138,7 +155,7 @@ def ranking_quality(network: SplitNetwork, judged: JudgedScenes) -> dict[str, fl
     """
     generator = torch.Generator().manual_seed(0)
     noise = AugmentationConfig(noise_m=(MEASURED_NOISE_M, MEASURED_NOISE_M))
-    grasp = torch.tensor([network.tasks.index(GRASP)])
+    grasp = _grasp_of(network)
     logits: list[Array] = []
     for p_VSs, X_VGs in zip(judged.p_VSs.split(16), judged.X_VGs.split(16), strict=True):
         occupied = voxelize(add_noise(p_VSs, noise, generator), network.config)
@@ -155,23 +172,47 @@ def ranking_quality(network: SplitNetwork, judged: JudgedScenes) -> dict[str, fl
 def tune_steps(
     network: SplitNetwork, scenes: TrainingScenes, judged: JudgedScenes, config: TuneConfig
 ) -> Iterator[float]:
-    """Train the evaluator of `network`; yield the focal loss of each step."""
-    network.eval().requires_grad_(False)  # the statistics of the encoder's batch norms stay, too
-    tuned = [*network.evaluator_condition.parameters(), *network.evaluator_head.parameters()]
-    for parameter in tuned:
-        parameter.requires_grad_(True)
+    """Train `network`, or its evaluator alone; yield the loss of each step."""
+    # The statistics of the encoder's batch norms stay as they are, whatever is trained.
+    network.eval().requires_grad_(config.whole)
+    for module in (network.evaluator_condition, network.evaluator_head):
+        module.requires_grad_(True)
+    tuned = [parameter for parameter in network.parameters() if parameter.requires_grad]
     adam = torch.optim.Adam(tuned, config.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, config.steps)
     generator = torch.Generator().manual_seed(config.seed)
-    grasp = torch.tensor([network.tasks.index(GRASP)])
+    loss_of = _whole_loss if config.whole else _evaluator_loss
     for _ in range(config.steps):
         batch = draw_batch(scenes, config.batch, network.config, generator)
-        occupied, X_VGs, held = judged.draw(config.batch, network.config, generator)
-        others = evaluator_logits(network, batch.occupied, batch.X_VPs, batch.tasks)
-        grasps = evaluator_logits(network, occupied, X_VGs, grasp)
-        loss = focal_loss(others, batch.label.flatten(1)) + focal_loss(grasps, held)
+        drawn = judged.draw(config.batch, network.config, generator)
+        loss = loss_of(network, batch, drawn)
         adam.zero_grad()
         loss.backward()
+        nn.utils.clip_grad_norm_(tuned, GRADIENT_NORM)
         adam.step()
         schedule.step()
         yield loss.item()
+
+
+def _evaluator_loss(
+    network: SplitNetwork, batch: TrainingBatch, judged: tuple[Tensor, Tensor, Tensor]
+) -> Tensor:
+    """Return the loss of the evaluator alone."""
+    occupied, X_VGs, held = judged
+    others = evaluator_logits(network, batch.occupied, batch.X_VPs, batch.tasks)
+    grasps = evaluator_logits(network, occupied, X_VGs, _grasp_of(network))
+    return focal_loss(others, batch.label.flatten(1)) + focal_loss(grasps, held)
+
+
+def _whole_loss(
+    network: SplitNetwork, batch: TrainingBatch, judged: tuple[Tensor, Tensor, Tensor]
+) -> Tensor:
+    """Return the loss of training, and that of judged grasps."""
+    occupied, X_VGs, held = judged
+    training = compute_losses(network, batch, bfloat16=False)
+    grasps = evaluator_logits(network, occupied, X_VGs, _grasp_of(network), whole=True)
+    return training.total + JUDGED_WEIGHT * focal_loss(grasps, held)
+
+
+def _grasp_of(network: SplitNetwork) -> Tensor:
+    return torch.tensor([network.tasks.index(GRASP)])

@@ -9,7 +9,8 @@ it has to tell apart when the model is used are poses that all look about right.
 grasps hold is found out by trying them: in physics on mugs, by geometry in clutter.  So the
 evaluator alone is trained here: on judged grasps, and as before on poses of other tasks and false
 grasps.  Encoder and score stay as they were: the tuned model draws the same samples, and ranks them
-otherwise.
+otherwise.  With `--whole` the encoder learns from judged grasps as well, and the score goes on
+learning as in training.
 """
 
 from dataclasses import asdict, replace
@@ -60,7 +61,7 @@ def tune(config: TuneConfig) -> None:
     for loss in tune_steps(network, scenes, used, config):
         losses.append(loss)
         if len(losses) % LOG_STEPS == 0:
-            console.print(f"step {len(losses)}  focal {np.mean(losses[-LOG_STEPS:]):.5f}")
+            console.print(f"step {len(losses)}  loss {np.mean(losses[-LOG_STEPS:]):.5f}")
     after = ranking_quality(network.eval(), held_out)
     for name in before:
         console.print(f"{name}, held out: {before[name]:.3f} before, {after[name]:.3f} after")

@@ -82,6 +82,21 @@ def test_tuning_teaches_which_grasps_hold_and_nothing_else(config: TuneConfig) -
         assert torch.equal(value, before[name]) != name.startswith("evaluator_"), name
 
 
+def test_the_whole_network_learns_from_judged_grasps(config: TuneConfig) -> None:
+    network = new_network()
+    before = {name: value.clone() for name, value in network.state_dict().items()}
+    used, held_out = JudgedScenes.split(judged_posts())
+    whole = replace(config, whole=True, batch=BATCH)
+    losses = list(tune_steps(network, scenes_on_cpu(), used, whole))
+    assert np.mean(losses[-10:]) < 0.8 * np.mean(losses[:10])
+    assert ranking_quality(network, held_out)["auc"] > 0.9
+    kept = {
+        name for name, value in network.state_dict().items() if torch.equal(value, before[name])
+    }
+    statistics = {name for name, _ in network.named_buffers()} & before.keys()
+    assert kept == statistics, "all that is learnt has learnt, and nothing else has changed"
+
+
 def test_grasps_may_be_any_of_the_tasks_of_a_network(config: TuneConfig) -> None:
     tasks = (UPRIGHT, GRASP)
     used, held_out = JudgedScenes.split(judged_posts())
@@ -112,6 +127,8 @@ def test_too_few_mugs_and_unjudged_grasps_are_errors(config: TuneConfig) -> None
         JudgedScenes.split(few)
     with pytest.raises(ValueError, match=r"batch\.poses_of has 8 grasps; expected 0"):
         replace(config, batch=BATCH)
+    with pytest.raises(ValueError, match=r"batch\.poses_of has 0 grasps; expected some"):
+        replace(config, whole=True)
 
 
 class DetectorOfTwo(SplitDetector):
