@@ -6,6 +6,7 @@ others, and the loss of its training keeps the score what it is.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -27,6 +28,7 @@ from split_drake.training.augmentation import (
 )
 from split_drake.training.batches import BatchConfig, TrainingBatch, draw_batch
 from split_drake.training.losses import compute_losses, focal_loss
+from split_drake.training.precision import uses_bfloat16
 from split_drake.training.training_scenes import TrainingScenes
 from split_drake.tuning.judged_grasps import JudgedGrasps
 
@@ -34,7 +36,7 @@ from split_drake.tuning.judged_grasps import JudgedGrasps
 HELD_OUT = 10
 MEASURED_NOISE_M = 0.005
 # Of the whole network: the judged grasps' weight beside the loss of training.
-JUDGED_WEIGHT = 1.0
+JUDGED_WEIGHT = 3.0
 GRADIENT_NORM = 1.0
 
 
@@ -131,16 +133,15 @@ class JudgedScenes:
 
 
 def evaluator_logits(
-    network: SplitNetwork, occupied: Tensor, X_VPs: Tensor, tasks: Tensor, whole: bool = False
+    network: SplitNetwork, occupied: Tensor, X_VPs: Tensor, tasks: Tensor
 ) -> Tensor:
     """Return logits (B, P) of poses (B, P, 4, 4), with a gradient for the evaluator alone.
 
     Args:
         occupied: (B, r, r, r) voxels.
         tasks: (G,) indices into the network's tasks of the G groups that a scene's poses fall into.
-        whole: whether the encoder has a gradient too.
     """
-    with torch.set_grad_enabled(whole and torch.is_grad_enabled()):
+    with torch.no_grad():
         context = network.local_context(network.encode(occupied), X_VPs)
     grouped = context.view(len(occupied) * len(tasks), -1, context.shape[-1])
     return network.evaluate(grouped, tasks.repeat(len(occupied))).view(X_VPs.shape[:2])
@@ -181,7 +182,8 @@ def tune_steps(
     adam = torch.optim.Adam(tuned, config.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, config.steps)
     generator = torch.Generator().manual_seed(config.seed)
-    loss_of = _whole_loss if config.whole else _evaluator_loss
+    bfloat16 = uses_bfloat16("auto", torch.device("cpu"))
+    loss_of = partial(_whole_loss, bfloat16=bfloat16) if config.whole else _evaluator_loss
     for _ in range(config.steps):
         batch = draw_batch(scenes, config.batch, network.config, generator)
         drawn = judged.draw(config.batch, network.config, generator)
@@ -205,13 +207,20 @@ def _evaluator_loss(
 
 
 def _whole_loss(
-    network: SplitNetwork, batch: TrainingBatch, judged: tuple[Tensor, Tensor, Tensor]
+    network: SplitNetwork,
+    batch: TrainingBatch,
+    judged: tuple[Tensor, Tensor, Tensor],
+    bfloat16: bool,
 ) -> Tensor:
     """Return the loss of training, and that of judged grasps."""
     occupied, X_VGs, held = judged
-    training = compute_losses(network, batch, bfloat16=False)
-    grasps = evaluator_logits(network, occupied, X_VGs, _grasp_of(network), whole=True)
-    return training.total + JUDGED_WEIGHT * focal_loss(grasps, held)
+    training = compute_losses(network, batch, bfloat16)
+    with torch.autocast("cpu", torch.bfloat16, enabled=bfloat16):
+        tables = network.encode(occupied)
+    context = network.local_context(tables, X_VGs)
+    with torch.autocast("cpu", torch.bfloat16, enabled=bfloat16):
+        logits = network.evaluate(context, _grasp_of(network).repeat(len(occupied)))
+    return training.total + JUDGED_WEIGHT * focal_loss(logits.float(), held)
 
 
 def _grasp_of(network: SplitNetwork) -> Tensor:
