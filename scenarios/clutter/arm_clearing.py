@@ -58,6 +58,7 @@ class ArmClearing:
         self._binned: set[int] = set()
         self._plan: DropPlan | None = None
         self._X_WGfailed: list[Array] = []
+        self._stranded = ""
         self.truth = Truth(station)
 
     @property
@@ -81,7 +82,11 @@ class ArmClearing:
         """Return the first of the grasps that there is a plan with, or why there is none.
 
         Grasps like those that failed since one succeeded come last: what lies there is as it was.
+
+        Raises LostArmError where the arm found no way home after the last one.
         """
+        if self._stranded:
+            raise LostArmError(self._stranded)
         X_WGfailed = np.reshape(self._X_WGfailed, (-1, 4, 4))
         fresh = away_from(found.X_WPs, X_WGfailed, GRASP.symmetry)
         tried = tuple(sorted(order, key=lambda index: not fresh[index]))
@@ -94,10 +99,7 @@ class ArmClearing:
         return outcome.grasp
 
     def take(self, found: PoseSet, chosen: int) -> GraspRecord:
-        """Execute the plan, and see what came into the bin and what is lost.
-
-        Raises LostArmError where the arm finds no way home.
-        """
+        """Execute the plan, and see what came into the bin and what is lost."""
         plan = self._plan
         if plan is None or plan.grasp != chosen:
             raise ValueError(f"grasp {chosen} has no plan; expected one that was chosen before")
@@ -117,17 +119,16 @@ class ArmClearing:
         )
 
     def _carry_out(self, plan: DropPlan) -> ExecutionResult:
-        """Execute a plan, to the arm's being home again with an open hand."""
+        """Execute a plan, to the arm's being home again, where it finds a way."""
         done = self._executor.execute(plan.segments)
         if done.completed:
             return done
         if done.fault is Fault.SLIPPED:  # it is above the bin all the same
             self._executor.execute(plan.segments[len(done.logs) :])
             return done
-        pads_m = self._station.opening_m
         self._recovery.withdraw(plan.segments, done, np.empty((0, 3)))
         if not self._recovery.go_home(self._rng):
-            raise LostArmError(f"no way home after: {done.reason} ({1e3 * pads_m:.0f} mm open)")
+            self._stranded = f"no way home was found after: {done.reason}"
         return done
 
     def _felt(self, done: ExecutionResult) -> tuple[str, ...]:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from planning.clearing.drop_planner import DropPlanner
-from scenarios.clutter.arm_clearing import ArmClearing, arm_layout
+from planning.handling.recovery import Recovery
+from scenarios.clutter.arm_clearing import ArmClearing, LostArmError, arm_layout
 from scenarios.clutter.observation import observe, side_camera
 from scenarios.clutter.records import EMPTIED, NO_GRASP, NO_PLAN
 from scenarios.clutter.rounds import run_round
@@ -96,6 +97,19 @@ def test_a_grasp_that_failed_comes_last_until_one_succeeds() -> None:
     assert arm.choose(found, look(arm), range(2)) == 1
     assert arm.take(found, 1).taken == ("cube",)
     assert arm.choose(found, look(arm), range(2)) == 0
+
+
+def test_an_arm_without_a_way_home_has_its_last_grasp_recorded(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    arm, station = clearing()
+    found = grasps(ON_TIN)
+    assert arm.choose(found, look(arm), range(1)) == 0
+    station.place_object(TIN, make_pose(p=(0.47, 0.12, 0.0005)))
+    monkeypatch.setattr(Recovery, "go_home", lambda self, rng: False)
+    assert arm.take(found, 0).reason.startswith("the hand is empty after close")
+    with pytest.raises(LostArmError, match="no way home was found after: the hand is empty"):
+        arm.choose(found, look(arm), range(1))
 
 
 def test_only_what_was_chosen_is_tried() -> None:
