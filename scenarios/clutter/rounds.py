@@ -30,7 +30,7 @@ from scenarios.clutter.records import (
     RoundRecord,
 )
 from scenarios.clutter.spec import RoundSpec, draw_start, drawn_objects
-from scenarios.viewing.recording import FRAMES_PER_SECOND, Recorder, Viewpoint
+from scenarios.viewing.recording import FRAMES_PER_SECOND, Recorder, Viewpoint, freeing_recorders
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP
 from split_drake.scene import EmptySceneError, Scene
@@ -53,7 +53,8 @@ def run_round(spec: RoundSpec) -> RoundRecord:
     """Run a round; one whose simulation fails is recorded as far as it came."""
     logging.getLogger("drake").setLevel(logging.ERROR)
     started_s = time.monotonic()
-    record = ClutterRound(spec).run()
+    with freeing_recorders():
+        record = ClutterRound(spec).run()
     return replace(record, wall_s=time.monotonic() - started_s)
 
 

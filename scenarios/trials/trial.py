@@ -21,7 +21,7 @@ from scenarios.trials.perception import Perceiver
 from scenarios.trials.records import SUCCESS, TrialRecord
 from scenarios.trials.setup import TrialGenerators, planner_named, set_up
 from scenarios.trials.spec import TrialSpec
-from scenarios.viewing.recording import Recorder
+from scenarios.viewing.recording import Recorder, freeing_recorders
 from split_drake.experiments.provenance import peak_memory_bytes
 from split_drake.objects.mug_shape import MugShape
 from split_drake.pose_set import PoseSet, save_pose_sets
@@ -33,6 +33,11 @@ from split_drake.truth.verdicts import Verdict
 def run_trial(spec: TrialSpec) -> TrialRecord:
     """Run a trial.  One that throws is recorded as an error, with its traceback."""
     logging.getLogger("drake").setLevel(logging.WARNING)
+    with freeing_recorders():
+        return _run_trial(spec)
+
+
+def _run_trial(spec: TrialSpec) -> TrialRecord:
     mug = spec.load_mug(spec.mug_names()[0])
     try:
         trial = _Trial(spec)

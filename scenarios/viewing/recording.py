@@ -1,5 +1,8 @@
 """Recordings: what a trial looked like, as one HTML page that needs no server."""
 
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,6 +23,20 @@ _GRASP_RGBA = Rgba(0.1, 0.3, 0.9)
 _GOAL_RGBA = Rgba(0.6, 0.1, 0.7)
 # More of a set than this hides the scene behind lines.
 _SHOWN_POSES = 40
+
+
+@contextmanager
+def freeing_recorders() -> Iterator[None]:
+    """Free, at the end and in this thread, the recorders that are used no longer by then.
+
+    Drake ends the process where a Meshcat is freed in another thread than it was made in.  What
+    Python has of a diagram refers to itself, so that it is freed by whichever thread happens to
+    collect garbage: a progress bar's, say.
+    """
+    try:
+        yield
+    finally:
+        gc.collect()
 
 
 def _point_cloud(p_WPs: Array) -> PointCloud:

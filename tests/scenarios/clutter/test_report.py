@@ -1,5 +1,7 @@
 """What a run of clutter removal shows: its page, and recordings of its rounds."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -145,3 +147,26 @@ def test_of_rounds_without_failures_none_is_kept(tmp_path: Path) -> None:
     record = run_round(spec_of(tmp_path))
     wanted = not (record.clean and record.ended == EMPTIED)
     assert (record.recording is not None) == wanted == (tmp_path / "recordings").exists()
+
+
+COLLECTED_ELSEWHERE = """
+import gc, sys, threading
+from pathlib import Path
+from scenarios.clutter.rounds import run_round
+from scenarios.clutter_removal import ClutterOptions, missing_rounds
+
+gc.disable()
+asked = ClutterOptions(
+    "packed", 1, 1, 7, "oracle", objects="procedural-train", noise="none", record="all"
+)
+run_round(missing_rounds(asked, Path(sys.argv[1]), ())[0])
+collector = threading.Thread(target=gc.collect)
+collector.start()
+collector.join()
+"""
+
+
+def test_a_recorder_is_freed_in_the_thread_that_made_it(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", COLLECTED_ELSEWHERE, str(tmp_path)]
+    run = subprocess.run(command, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
