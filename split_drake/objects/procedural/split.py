@@ -23,7 +23,7 @@ from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.files import write_json
 from split_drake.objects.antipodal import antipodal_share
-from split_drake.objects.procedural import blocks, composed, prisms, turned, vessels
+from split_drake.objects.procedural import blocks, composed, prisms, slender, turned, vessels
 from split_drake.objects.procedural.kinds import KINDS, build_body
 from split_drake.objects.rigid import RigidObject
 from split_drake.objects.task_object import TaskObject
@@ -31,7 +31,7 @@ from split_drake.objects.task_object import TaskObject
 Split = Literal["train", "test"]
 
 # Importing these registers their kinds.
-KIND_MODULES = (blocks, composed, prisms, turned, vessels)
+KIND_MODULES = (blocks, composed, prisms, slender, turned, vessels)
 # Kinds that no shape to train on is of: some hollow, flat, long, round and composed ones.
 TEST_KINDS = (
     *("jar", "goblet", "pan", "nut", "star", "wrench"),
@@ -189,7 +189,7 @@ class SplitConfig:
     """
 
     out: Path = Path("models/procedural")
-    train: int = 1000
+    train: int = 1200
     test: int = 120
     workers: int = len(os.sched_getaffinity(0))
 

@@ -31,7 +31,7 @@ SPLITS: tuple[Split, ...] = ("train", "test")
 
 def test_the_split_has_as_many_shapes_of_kinds_that_differ() -> None:
     train, test = (ProceduralSource(split) for split in SPLITS)
-    assert (len(train.names()), len(test.names())) == (1000, 120)
+    assert (len(train.names()), len(test.names())) == (1200, 120)
     kinds = [{entry.kind for entry in entries(split)} for split in SPLITS]
     assert kinds == [set(kinds_of("train")), set(kinds_of("test"))]
     assert not kinds[0] & kinds[1]
