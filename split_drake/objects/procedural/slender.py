@@ -1,7 +1,7 @@
 """Kinds with shafts and bars that are partly too thin to count as held, at ends that are not.
 
-The protocol of clutter removal fails a grasp whose pads close to less than 8 mm: what tells a shaft of
-6 mm from one of 10 mm has to be learned from both.
+The protocol of clutter removal fails a grasp whose pads close to less than 8 mm.  What tells a
+shaft of 6 mm from one of 10 mm has to be learned from both.
 """
 
 import numpy as np
