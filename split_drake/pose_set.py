@@ -11,10 +11,14 @@ from numpy.typing import NDArray
 
 from split_drake.files import replacing
 from split_drake.pose_task import MUG_TASKS, PoseTask
-from split_drake.poses import Array, check_poses
+from split_drake.poses import Array, check_poses, rounded_poses
 
 if TYPE_CHECKING:
     from split_drake.scene import Scene
+
+# What a network computes differs by 2e-7 from one processor to another.  Digits that are much
+# larger leave few values that are rounded up on one of them and down on another.
+_POSITION_DECIMALS, _ROTATION_DECIMALS, _SCORE_DECIMALS = 4, 3, 3
 
 
 @dataclass(frozen=True)
@@ -120,12 +124,18 @@ class SamplingDetector(PoseDetector, Protocol):
 def accepted_poses(
     drawn: Mapping[str, ScoredPoses], tasks: Sequence[PoseTask], threshold: float
 ) -> dict[str, PoseSet]:
-    """Return the sets of those poses whose score reaches a threshold, by the tasks' names."""
+    """Return the sets of those poses whose score reaches a threshold, by the tasks' names.
+
+    Poses and scores are rounded.  The last bits of a network's sums differ between processors, and
+    a planner would make other plans of them.
+    """
     found = {}
     for task in tasks:
         poses = drawn[task.name]
-        good = poses.scores >= threshold
-        found[task.name] = PoseSet.ranked(task, poses.X_WPs[good], poses.scores[good])
+        scores = np.round(poses.scores, _SCORE_DECIMALS)
+        good = scores >= threshold
+        X_WPs = rounded_poses(poses.X_WPs[good], _POSITION_DECIMALS, _ROTATION_DECIMALS)
+        found[task.name] = PoseSet.ranked(task, X_WPs, scores[good])
     return found
 
 

@@ -58,6 +58,39 @@ def rotation_error_rad(R_A: ArrayLike, R_B: ArrayLike) -> Array:
     return np.asarray(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))
 
 
+def rounded_poses(X: ArrayLike, position_decimals: int, rotation_decimals: int) -> Array:
+    """Return poses (..., 4, 4) whose last digits no longer depend on how they were computed.
+
+    Positions, in metres, and the first two columns of rotations are rounded; then the rotations are
+    made orthonormal again (Gram and Schmidt).  Nothing but elementwise arithmetic is used, which
+    gives the same bits on every processor.
+    """
+    poses = np.asarray(X, dtype=float)
+    x, y = (np.round(poses[..., :3, axis], rotation_decimals) for axis in (0, 1))
+    x = x / _norms(x)
+    y = y - _dots(x, y) * x
+    y = y / _norms(y)
+    z = np.stack(
+        [
+            x[..., 1] * y[..., 2] - x[..., 2] * y[..., 1],
+            x[..., 2] * y[..., 0] - x[..., 0] * y[..., 2],
+            x[..., 0] * y[..., 1] - x[..., 1] * y[..., 0],
+        ],
+        axis=-1,
+    )
+    p = np.round(poses[..., :3, 3], position_decimals)
+    return make_pose(np.stack([x, y, z], axis=-1), p)
+
+
+def _dots(a: Array, b: Array) -> Array:
+    product = a * b
+    return (product[..., 0] + product[..., 1] + product[..., 2])[..., None]
+
+
+def _norms(vectors: Array) -> Array:
+    return np.sqrt(_dots(vectors, vectors))
+
+
 def check_poses(X: ArrayLike, name: str) -> Array:
     """Return `X` (..., 4, 4) as float64, or raise ValueError naming `name` and what is wrong."""
     poses = np.asarray(X, dtype=float)

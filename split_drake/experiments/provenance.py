@@ -13,6 +13,8 @@ from typing import Any
 
 UNKNOWN_COMMIT = "unknown"
 
+_CPUINFO = Path("/proc/cpuinfo")
+_VECTORS = ("amx_bf16", "avx512_bf16", "avx512f", "avx2", "sse4_1")
 _PACKAGES = ("drake", "torch", "numpy", "trimesh", "ompl")
 _ROOT = Path(__file__).parents[2]
 _SOURCES = ("split_drake", "planning", "models", "scenarios")
@@ -31,6 +33,18 @@ def code_version() -> dict[str, Any]:
 def package_versions() -> dict[str, str]:
     """Return {package: version} of what results depend on, Python among them."""
     return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
+
+
+def processor() -> str:
+    """Return the processor's name and the widest of its vector extensions that PyTorch uses."""
+    fields: dict[str, str] = {}
+    for line in _CPUINFO.read_text().splitlines() if _CPUINFO.exists() else []:
+        name, _, value = line.partition(":")
+        fields.setdefault(name.strip(), value.strip())
+    flags = fields.get("flags", "").split()
+    widest = next((name for name in _VECTORS if name in flags), "")
+    named = fields.get("model name") or platform.processor() or platform.machine()
+    return f"{named}, {widest.upper()}" if widest else named
 
 
 def git_commit() -> str:

@@ -13,7 +13,7 @@ from split_drake.pose_set import (
     save_pose_sets,
 )
 from split_drake.pose_task import GRASP, HANDLE, UPRIGHT, PoseTask, Symmetry
-from split_drake.poses import make_pose
+from split_drake.poses import make_pose, rotation_z
 
 
 def poses(count: int) -> np.ndarray:
@@ -127,6 +127,16 @@ def test_scores_that_reach_the_threshold_are_accepted() -> None:
     np.testing.assert_array_equal(found["grasp"].scores, [0.9, 0.4])
     np.testing.assert_array_equal(found["grasp"].X_WPs[:, 0, 3], [6.0, 0.0])
     assert len(found["upright"]) == 0
+
+
+def test_what_is_accepted_is_rounded() -> None:
+    X_WPs = make_pose(rotation_z(0.3), (0.123456, 0.2, -0.1))[None]
+    drawn = {"grasp": ScoredPoses(X_WPs + 3e-7, np.array([0.7891234]))}
+    again = {"grasp": ScoredPoses(X_WPs - 3e-7, np.array([0.7891239]))}
+    found, same = (accepted_poses(d, (GRASP,), 0.4)["grasp"] for d in (drawn, again))
+    np.testing.assert_array_equal(found.X_WPs, same.X_WPs)
+    np.testing.assert_array_equal(found.X_WPs[0, :3, 3], [0.1235, 0.2, -0.1])
+    assert found.scores.tolist() == same.scores.tolist() == [0.789]
 
 
 def test_a_foreign_archive_is_refused(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from split_drake.poses import (
     rotation_x,
     rotation_y,
     rotation_z,
+    rounded_poses,
     transform_points,
 )
 
@@ -89,3 +90,21 @@ def test_rotation_error_is_the_angle(seed: int, angle_rad: float) -> None:
 def test_bad_poses_are_named(pose: np.ndarray, message: str) -> None:
     with pytest.raises(ValueError, match=rf"X_WC.*{message}|{message}.*X_WC"):
         check_poses(pose, "X_WC")
+
+
+@given(seeds)
+def test_rounded_poses_forget_the_last_bits(seed: int) -> None:
+    X_WPs = random_poses(seed, 50)
+    rounded = rounded_poses(X_WPs, 4, 3)
+    check_poses(rounded, "X_WPs")
+    R = rounded[:, :3, :3]
+    np.testing.assert_allclose(R @ np.swapaxes(R, 1, 2), np.tile(np.eye(3), (50, 1, 1)), atol=1e-14)
+    np.testing.assert_allclose(rounded[:, :3, 3], X_WPs[:, :3, 3], rtol=0.0, atol=0.5001e-4)
+    assert rotation_error_rad(R, X_WPs[:, :3, :3]).max() < 2e-3
+    noise = np.random.default_rng(seed).uniform(-2e-7, 2e-7, X_WPs.shape)
+    moved = (rounded_poses(X_WPs + noise, 4, 3) != rounded).any(axis=(1, 2))
+    assert moved.mean() < 0.2, "few poses lie so near to where rounding turns"
+
+
+def test_no_poses_are_rounded_to_none() -> None:
+    assert rounded_poses(np.empty((0, 4, 4)), 4, 3).shape == (0, 4, 4)

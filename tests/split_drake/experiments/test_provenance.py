@@ -11,6 +11,7 @@ from split_drake.experiments.provenance import (
     code_sha256,
     code_version,
     file_sha256,
+    processor,
     qualified_name,
 )
 from split_drake.experiments.run import claim_folder
@@ -64,3 +65,16 @@ def test_functions_are_named_by_where_they_are_defined() -> None:
     assert qualified_name(file_sha256) == "split_drake.experiments.provenance.file_sha256"
     assert qualified_name(partial(partial(file_sha256), Path("x"))) == qualified_name(file_sha256)
     assert qualified_name(Called()).endswith("test_provenance.Called")
+
+
+def test_the_processor_is_named_with_its_widest_vectors(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cpuinfo = tmp_path / "cpuinfo"
+    cpuinfo.write_text(
+        "model name\t: Some CPU\nflags\t\t: sse4_1 avx2\n\nmodel name\t: Another\nflags\t: avx512f\n"
+    )
+    monkeypatch.setattr(provenance, "_CPUINFO", cpuinfo)
+    assert processor() == "Some CPU, AVX2"
+    monkeypatch.setattr(provenance, "_CPUINFO", tmp_path / "none")
+    assert processor()
