@@ -49,6 +49,8 @@ ROOMS = (
     "scenarios.study",
     "scenarios.clutter",
     "scenarios",
+    "scenarios.making",
+    "scenarios.measuring",
 )
 # Walls between rooms that the order alone would let through.
 WALLS = {

@@ -11,8 +11,8 @@ from planning.goals.upright import SUBGOAL as REORIENT
 from planning.motion.regions import load_regions
 from planning.problem import PlanningProblem
 from planning.problem_files import SHIPPED_PROBLEMS, load_problems, save_problems
-from scenarios import grow_regions
-from scenarios.grow_regions import GrowOptions
+from scenarios.making import grow_regions
+from scenarios.making.grow_regions import GrowOptions
 from scenarios.record_problems import MAX_POSES, RecordOptions, main, record_problem, specs_of
 from split_drake.poses import make_pose
 from split_drake.robot.panda import Q_HOME

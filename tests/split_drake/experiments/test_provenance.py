@@ -72,7 +72,7 @@ def test_the_processor_is_named_with_its_widest_vectors(
 ) -> None:
     cpuinfo = tmp_path / "cpuinfo"
     cpuinfo.write_text(
-        "model name\t: Some CPU\nflags\t\t: sse4_1 avx2\n\nmodel name\t: Another\nflags\t: avx512f\n"
+        "model name\t: Some CPU\nflags\t\t: sse4_1 avx2\n\nmodel name\t: Other\nflags\t: avx512f\n"
     )
     monkeypatch.setattr(provenance, "_CPUINFO", cpuinfo)
     assert processor() == "Some CPU, AVX2"

@@ -1,6 +1,6 @@
 """A picture of grasps in clutter.
 
-    python -m scenarios.clutter_picture --checkpoint F --out FILE.png
+    python -m scenarios.making.clutter_picture --checkpoint F --out FILE.png
 
 A packed scene and a pile of objects as the rounds of a seed start, with grasps that SPLIT finds in
 one noisy view, coloured by score as in recordings.

@@ -1,4 +1,4 @@
-"""Grow the regions of the planner `gcs`: `python -m scenarios.grow_regions`.
+"""Grow the regions of the planner `gcs`: `python -m scenarios.making.grow_regions`.
 
 The default planner solves saved problems; where its transits and transfers start, turn and end are
 the configurations that regions should hold.  Home comes first.  After a change of `Layout`, record

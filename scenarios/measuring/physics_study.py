@@ -1,4 +1,4 @@
-"""What the physics is worth: `python -m scenarios.physics_study --out DIR`.
+"""What the physics is worth: `python -m scenarios.measuring.physics_study --out DIR`.
 
 One thing changes at a time, the same seeds in every cell.  Time step, contact model and friction: a
 free hand holds mugs still, and the table shows how deep the pads are in them and how far they slip.

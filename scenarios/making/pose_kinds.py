@@ -1,4 +1,4 @@
-"""A picture of what pose sets are: `python -m scenarios.pose_kinds --out FILE.png`.
+"""A picture of what pose sets are: `python -m scenarios.making.pose_kinds --out FILE.png`.
 
 One mug on the station's table, once for each of its tasks: true poses, and the axes of one frame.
 """

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scenarios import clutter_picture, picture, pose_kinds
+from scenarios.making import clutter_picture, picture, pose_kinds
 from scenarios.viewing.pose_drawing import score_color
 from split_drake.objects.mugs.split import load_mug
 from split_drake.pose_task import GRASP, HANDLE, MUG_TASKS

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.physics_study import StudyOptions, main
+from scenarios.measuring.physics_study import StudyOptions, main
 from scenarios.study.cells import FACTORS, study_cells
 from scenarios.study.report import paired_p, study_rows, write_study
 from scenarios.study.trials import (

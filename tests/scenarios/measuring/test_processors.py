@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from scenarios.processors import SETTINGS, ProcessorOptions, main, same_plan
+from scenarios.measuring.processors import SETTINGS, ProcessorOptions, main, same_plan
 from split_drake.files import write_json
 
 PLAN = {"seed": 3, "X_WGrasp": [[1.0, 0.0]], "duration_s": [1.0, 2.0], "q": [[0.1], [0.2]]}

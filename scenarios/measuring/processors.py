@@ -1,4 +1,4 @@
-"""Whether a seed has the same plan on other processors: `python -m scenarios.processors --out DIR`.
+"""Plans on other processors: `python -m scenarios.measuring.processors --out DIR`.
 
 PyTorch and oneDNN have code of their own for each kind of processor.  Environment variables make
 them use that of older ones, so that one machine can stand in for several: `SETTINGS`.  The first
@@ -143,7 +143,13 @@ def _plans(options: ProcessorOptions, setting: str) -> Sequence[Mapping[str, Any
     """Return the plans made with a setting, by a process of its own where there are none."""
     path = _file(options, setting)
     if not path.exists():
-        command = [sys.executable, "-m", "scenarios.processors", "--out", str(options.out)]
+        command = [
+            sys.executable,
+            "-m",
+            "scenarios.measuring.processors",
+            "--out",
+            str(options.out),
+        ]
         command += ["--trials", str(options.trials), "--seed", str(options.seed)]
         command += ["--task", options.task, "--noise-m", str(options.noise_m)]
         environment = {**os.environ, **SETTINGS[setting]}

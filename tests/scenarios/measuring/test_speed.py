@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from scenarios import mug_hang
-from scenarios.speed import GIB, SpeedOptions, figures, main
+from scenarios.measuring.speed import GIB, SpeedOptions, figures, main
 from scenarios.trials.records import TrialRecord
 from split_drake.experiments.run import json_line
 from split_drake.files import write_json

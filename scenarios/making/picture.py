@@ -1,4 +1,4 @@
-"""Moments of a recording side by side: `python -m scenarios.picture RECORDING.html --out FILE.png`.
+"""Moments of a recording: `python -m scenarios.making.picture RECORDING.html --out FILE.png`.
 
 Needs the development packages, and Chromium (Debian's package `chromium`).
 """

@@ -1,4 +1,4 @@
-"""How fast trials are: `python -m scenarios.speed --out DIR`, on a machine that does nothing else.
+"""How fast trials are on an idle machine: `python -m scenarios.measuring.speed --out DIR`.
 
 Runs the same trials with one worker and with two, recordings included, and prints what they took
 beside what the project promises.

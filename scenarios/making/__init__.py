@@ -1,0 +1,1 @@
+"""How the pictures and files that ship with the project are made."""

@@ -1,0 +1,1 @@
+"""What the promises of the project are measured with."""
