@@ -1,11 +1,13 @@
 """What a planner is given and what it returns."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from pathlib import Path
 
 import numpy as np
 
+from planning.plan_rows import PlanRow, export_rows
 from planning.subgoal import AllowedContact, Subgoal
 from split_drake.pose_set import PoseSets
 from split_drake.poses import Array
@@ -93,6 +95,22 @@ class Segment:
         start, end = self.opening_start_m, self.opening_end_m
         return max(start, self.held_width_m), max(end, self.held_width_m)
 
+    def opening_at_m(self, share: float) -> float:
+        """Return the opening that is commanded when `share` of the segment's time is over."""
+        return self.opening_start_m + share * (self.opening_end_m - self.opening_start_m)
+
+
+def rows_of(segments: Sequence[Segment]) -> list[PlanRow]:
+    """Return what the robot is told over the segments, one command every 10 ms."""
+    rows: list[PlanRow] = []
+    for segment in segments:
+        trajectory = segment.trajectory
+        for time_s, q, v in zip(trajectory.times_s, trajectory.qs, trajectory.vs, strict=True):
+            opening_m = segment.opening_at_m(float(time_s) / trajectory.duration_s)
+            now_s, numbers = round(SAMPLE_S * len(rows), 6), (tuple(q.tolist()), tuple(v.tolist()))
+            rows.append(PlanRow(now_s, *numbers, opening_m, segment.force_n, str(segment.name)))
+    return rows
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -136,6 +154,16 @@ class Plan:
     X_WObject: Array
     X_WGoal: Array
     statistics: Mapping[str, float] = field(default_factory=dict)
+
+    def export(self, path: str | Path) -> None:
+        """Write the motion, one command every 10 ms, as CSV or JSON, by the file's suffix.
+
+        `planning.plan_rows` tells what is in the file.  Where and how the arm stops by feel
+        (`Segment.stop_on_contact`) is left to who follows it.
+
+        Raises MotionFileError where the suffix is neither.
+        """
+        export_rows(Path(path), rows_of(self.segments))
 
     @property
     def pick(self) -> tuple[Segment, ...]:

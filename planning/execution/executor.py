@@ -178,10 +178,8 @@ class Executor:
 
     def _step(self, segment: Segment, q: Array, v: Array, share: float) -> None:
         """Command a sample, `share` of its segment done, and let its time pass."""
-        opening_m = segment.opening_start_m + share * (
-            segment.opening_end_m - segment.opening_start_m
-        )
-        self.robot.command(q, v, min(opening_m, MAX_OPENING_M), segment.force_n)
+        opening_m = min(segment.opening_at_m(share), MAX_OPENING_M)
+        self.robot.command(q, v, opening_m, segment.force_n)
         self.robot.advance(SAMPLE_S)
         if self._on_step is not None:
             self._on_step(segment)

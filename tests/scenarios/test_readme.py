@@ -27,7 +27,7 @@ from split_drake.poses import Array, make_pose
 from split_drake.robot.panda import Q_HOME
 from split_drake.station.layout import Layout, OpenBin
 from tests.helpers.clutter import box_cloud, grasp_from_above, grasps
-from tests.helpers.planning import LYING, STANDING, mug_problem
+from tests.helpers.planning import LYING, STANDING, mug_problem, reorient_plan
 from tests.helpers.rooms import added_files
 
 ROOT = Path(__file__).parents[2]
@@ -67,7 +67,7 @@ def test_the_example_finds_grasps(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def _set_down(tmp_path: Path) -> Iterator[None]:
     """Have the README's subgoal and its check lie where it says."""
     text = (ROOT / "planning/README.md").read_text()
-    _, subgoal, check, _ = examples("planning/README.md")
+    _, subgoal, check, *_ = examples("planning/README.md")
     with ExitStack() as stack:
         for room, code in (("goals", subgoal), ("checking/goals", check)):
             assert f"`planning/{room}/set_down.py`" in text
@@ -104,6 +104,18 @@ def test_the_table_is_cleared_as_shown() -> None:
     )
     assert defined["segments"] == defined["outcome"].segments
     assert len(defined["segments"]) == 7
+
+
+def test_an_exported_plan_is_followed_by_a_plain_simulation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    plan = reorient_plan()
+    plan.export("plan.json")
+    defined = executed(examples("planning/README.md")[4])
+    reached = defined["plant"].GetPositions(defined["context"], defined["panda"])[:7]
+    np.testing.assert_allclose(reached, plan.segments[-1].trajectory.qs[-1], atol=0.01)
+    assert defined["simulator"].get_context().get_time() > 5.0
 
 
 def test_objects_of_ones_own_have_a_dataset(
