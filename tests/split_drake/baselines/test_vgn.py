@@ -7,18 +7,16 @@ import pytest
 import torch
 
 from split_drake.baselines.palm_frame import grippers_of_palms
+from split_drake.baselines.selection import SelectionConfig, masked_quality, peaks
 from split_drake.baselines.tsdf import fused_tsdf
 from split_drake.baselines.vgn.detector import VgnDetector
 from split_drake.baselines.vgn.network import VgnNetwork
-from split_drake.baselines.vgn.selection import masked_quality, peaks
-from split_drake.camera import DepthView
 from split_drake.pose_task import UPRIGHT, UnknownTaskError
 from split_drake.poses import make_pose, rotation_x
 from split_drake.robot.gripper import PAD_SIZE_M
 from split_drake.scene import Scene
-from split_drake.station.hand.hand_station import HandStation
-from split_drake.station.layout import Layout, two_views
-from tests.split_drake.station.solids import solids, stand
+from split_drake.station.layout import Layout
+from tests.split_drake.baselines.table_views import views
 
 # The parameters that VGN's and GIGA's authors published; a user fetches them.
 WEIGHTS = Path(__file__).parents[4] / "shared/peer_weights/vgn_packed.pt"
@@ -48,15 +46,15 @@ def field_of_a_table() -> np.ndarray:
 def test_grasps_lie_at_free_space_and_fit_the_hand() -> None:
     field = field_of_a_table()
     high, fitting = np.ones_like(field), np.full_like(field, 5.0)
-    masked = masked_quality(field, high, fitting)
+    masked = masked_quality(field, high, fitting, 0.5)
     assert (masked[..., 10:] > 0.99).all()
     assert (masked[..., :10] == 0.0).all(), "what lies within is not dilated into"
     for width in (1.0, 9.5):
-        assert (masked_quality(field, high, np.full_like(field, width)) == 0.0).all()
+        assert (masked_quality(field, high, np.full_like(field, width), 0.5) == 0.0).all()
     hollow = field.copy()
     hollow[20, 20, 6:10] = 0.0
-    assert (masked_quality(hollow, high, fitting)[20, 20, 8:10] > 0.99).all()
-    assert (masked_quality(hollow, high, fitting)[20, 20, 6:8] == 0.0).all()
+    assert (masked_quality(hollow, high, fitting, 0.5)[20, 20, 8:10] > 0.99).all()
+    assert (masked_quality(hollow, high, fitting, 0.5)[20, 20, 6:8] == 0.0).all()
 
 
 def test_one_grasp_is_left_of_those_close_together() -> None:
@@ -73,15 +71,6 @@ def test_the_tips_of_the_fingers_are_five_centimetres_before_the_palm() -> None:
     np.testing.assert_allclose(tips[:3], (0.5, 0.0, 0.15), atol=1e-12)
 
 
-def views(*places: tuple[int, float, float]) -> tuple[DepthView, ...]:
-    """Return views of solids (index, x, y) on the table."""
-    layout = Layout()
-    station = HandStation(solids(), layout)
-    for index, x, y in places:
-        stand(station, index, x, y)
-    return station.capture(two_views(layout.workspace))
-
-
 def test_only_grasps_are_found_and_only_in_views() -> None:
     detector = VgnDetector(VgnNetwork())
     rng = np.random.default_rng(0)
@@ -92,7 +81,12 @@ def test_only_grasps_are_found_and_only_in_views() -> None:
     with pytest.raises(ValueError, match="no depth views"):
         detector.detect(blind, ["grasp"], rng)
     assert (
-        len(VgnDetector(VgnNetwork(), threshold=0.99).detect(scene, ["grasp"], rng)["grasp"]) == 0
+        len(
+            VgnDetector(VgnNetwork(), SelectionConfig(threshold=0.99)).detect(
+                scene, ["grasp"], rng
+            )["grasp"]
+        )
+        == 0
     )
 
 
