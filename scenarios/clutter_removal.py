@@ -19,7 +19,7 @@ from typing import Any
 from rich.console import Console
 
 from scenarios.clutter.arm_clearing import arm_layout
-from scenarios.clutter.detection import DetectorName
+from scenarios.clutter.detection import clutter_detector
 from scenarios.clutter.observation import Noise
 from scenarios.clutter.records import Removal, RoundRecord, clutter_run
 from scenarios.clutter.report import print_removal, run_title, write_report
@@ -50,9 +50,10 @@ class ClutterOptions:
         rounds: of each seed.
         seeds: how many seeds there are, from `first_seed` on.
         first_seed: of them.
-        detector: SPLIT, or the true grasps of what lies there.
-        checkpoint: weights of SPLIT, which it needs; a first model of clutter is
-            models/weights/split_clutter.safetensors.
+        detector: the method that finds grasps: split, oracle (the true ones of what lies there),
+            vgn or giga; each is a file in scenarios/clutter/detectors.
+        checkpoint: its parameters: of split such as models/weights/split_clutter.safetensors, of
+            vgn and giga the state dictionary that their authors published.
         objects: "procedural", kinds that no model was trained on; "procedural-train", those to
             choose settings on; or a folder of URDF or mesh files in metres.
         noise: of the view: "gaussian" moves the sampled points by 5 mm, "dex" scales the depth
@@ -72,7 +73,7 @@ class ClutterOptions:
     rounds: int = 40
     seeds: int = 5
     first_seed: int = 0
-    detector: DetectorName = "split"
+    detector: str = "split"
     checkpoint: Path | None = None
     objects: str = "procedural"
     noise: Noise = "gaussian"
@@ -88,19 +89,13 @@ class ClutterOptions:
             if getattr(self, name) < least:
                 flag = name.replace("_", "-")
                 raise ValueError(f"--{flag} is {getattr(self, name)}; expected {least} or more")
-        if self.detector == "split" and self.checkpoint is None:
-            raise ValueError(
-                "--detector split needs --checkpoint, such as "
-                "models/weights/split_clutter.safetensors"
-            )
-        if self.checkpoint is not None and not self.checkpoint.is_file():
-            raise ValueError(f"--checkpoint: there is no file {self.checkpoint}")
+        clutter_detector(self.detector, self.checkpoint)
 
 
 def layout_of(options: ClutterOptions) -> Layout:
     """Return the layout, its workspace the one that the detector was trained on."""
     layout = Layout()
-    if options.checkpoint is not None:
+    if options.detector == "split" and options.checkpoint is not None:
         from split_drake.split.checkpoint import load_checkpoint
 
         layout = Layout(workspace=load_checkpoint(options.checkpoint)[1].workspace)

@@ -48,6 +48,7 @@ ROOMS = (
     "scenarios.bench",
     "scenarios.study",
     "scenarios.clutter",
+    "scenarios.clutter.detectors",
     "scenarios",
     "scenarios.making",
     "scenarios.measuring",

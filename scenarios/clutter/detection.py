@@ -1,72 +1,120 @@
-"""Where the grasps of clutter removal come from: SPLIT, or the true grasps of what is there."""
+"""Methods that find grasps in clutter, by name.
 
-from collections.abc import Sequence
+A method is a file in `scenarios/clutter/detectors/` with a constant `DETECTOR`; nothing else has to
+know of it.  The same rounds, views and noise are shown to all of them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Protocol
 
 import numpy as np
 
+from planning.room_files import constants_in
 from scenarios.clutter.clearing import Clearing
-from split_drake.data.clutter.labels import label_scene
-from split_drake.data.clutter.library import ClutterObject, object_grasps
-from split_drake.objects.rigid import RigidObject
-from split_drake.objects.task_object import TaskObject
-from split_drake.pose_set import PoseSet
+from split_drake.bad_input import BadInputError
+from split_drake.pose_set import PoseDetector, PoseSet
 from split_drake.pose_task import GRASP
 from split_drake.poses import Array
 from split_drake.scene import Scene
 
-if TYPE_CHECKING:  # PyTorch is imported by those who need it
-    from split_drake.split.detector import SplitDetector
-
-DetectorName = Literal["split", "oracle"]
+_ROOM = "scenarios.clutter.detectors"
 
 
-class TrueGrasps:
-    """Grasps by what really lies there: those that labels of training scenes call true.
-
-    They are scored by quality times squared steadiness, and seen by the cloud as labels are.
-    """
-
-    def __init__(self, clearing: Clearing, rng: np.random.Generator) -> None:
-        self._clearing = clearing
-        self._seed = int(rng.integers(2**63))
-        self._objects: dict[int, ClutterObject] = {}
-
-    def detect(self, scene: Scene, rng: np.random.Generator) -> PoseSet:
-        """Return the feasible grasps of the objects that are left, best first."""
-        there = self._clearing.left
-        objects = [self._object(index) for index in there]
-        X_WOs = np.array([self._clearing.truth.X_WO(index) for index in there]).reshape(-1, 4, 4)
-        grasps = label_scene(objects, X_WOs, scene.p_WPs, rng)
-        return ranked(grasps.X_WGs, grasps.weights)
-
-    def _object(self, index: int) -> ClutterObject:
-        if index not in self._objects:
-            body: RigidObject = self._clearing.objects[index]
-            rng = np.random.default_rng([self._seed, index])
-            self._objects[index] = ClutterObject(TaskObject(body=body), object_grasps(body, rng))
-        return self._objects[index]
-
-
-class SplitGrasps:
-    """Grasps by SPLIT."""
-
-    def __init__(self, checkpoint: Path) -> None:
-        self._detector = split_detector(checkpoint)
+class GraspFinder(Protocol):
+    """Finds grasps in what is seen of a round."""
 
     def detect(self, scene: Scene, rng: np.random.Generator) -> PoseSet:
         """Return the accepted grasps, best first."""
-        return self._detector.detect(scene, (GRASP,), rng)[GRASP.name]
+        ...
+
+
+@dataclass(frozen=True)
+class ClutterDetector:
+    """A method by name.
+
+    Attributes:
+        name: what it is called on the command line.
+        about: one line that says what it is.
+        checkpoint: what file its parameters are from, in words; empty for none.
+        make: returns what finds grasps in a round, given that file, what clears the table, and what
+            it may draw from once.  Called once a round: what is expensive should be kept.
+    """
+
+    name: str
+    about: str
+    checkpoint: str
+    make: Callable[[Path | None, Clearing, np.random.Generator], GraspFinder]
+
+
+class UnknownDetectorError(BadInputError):
+    """There is no method of that name, or its file is missing."""
 
 
 @lru_cache(maxsize=1)
-def split_detector(checkpoint: Path) -> "SplitDetector":
-    """Return this process's SPLIT, on one thread."""
-    from split_drake.split.detector import CLUTTER_SAMPLER, single_threaded_detector
+def clutter_detectors() -> Mapping[str, ClutterDetector]:
+    """Return all methods by their names.
 
-    return single_threaded_detector(checkpoint, CLUTTER_SAMPLER)
+    Raises ValueError where a file of the room has none, or two have the same name.
+    """
+    return constants_in(_ROOM, "DETECTOR", ClutterDetector, lambda each: each.name)
+
+
+def clutter_detector(name: str, checkpoint: Path | None) -> ClutterDetector:
+    """Return a method that can be made with that checkpoint.
+
+    Raises UnknownDetectorError where it is unknown, lacks a checkpoint, or takes none.
+    """
+    known = clutter_detectors()
+    if name not in known:
+        raise UnknownDetectorError(
+            f"--detector is {name!r}; expected one of {', '.join(sorted(known))}"
+        )
+    wanted = known[name].checkpoint
+    if wanted and checkpoint is None:
+        raise UnknownDetectorError(f"--detector {name} needs --checkpoint: {wanted}")
+    if checkpoint is not None and not wanted:
+        raise UnknownDetectorError(f"--detector {name} has no parameters; leave --checkpoint out")
+    if checkpoint is not None and not checkpoint.is_file():
+        raise UnknownDetectorError(f"--checkpoint: there is no file {checkpoint}")
+    return known[name]
+
+
+@dataclass(frozen=True)
+class FoundBy:
+    """Grasps by a detector of pose sets."""
+
+    detector: PoseDetector
+
+    def detect(self, scene: Scene, rng: np.random.Generator) -> PoseSet:
+        """Return the accepted grasps, best first."""
+        return self.detector.detect(scene, (GRASP,), rng)[GRASP.name]
+
+
+def with_parameters(
+    name: str, about: str, checkpoint: str, load: Callable[[Path], PoseDetector]
+) -> ClutterDetector:
+    """Return a method whose detector is loaded from a file, once a process, on one thread.
+
+    Args:
+        name, about, checkpoint: as in `ClutterDetector`.
+        load: returns the detector with the parameters of a file.
+    """
+
+    @lru_cache(maxsize=1)
+    def loaded(path: Path) -> FoundBy:
+        from split_drake.split.one_thread import use_one_thread
+
+        use_one_thread()
+        return FoundBy(load(path))
+
+    def make(path: Path | None, clearing: Clearing, rng: np.random.Generator) -> FoundBy:
+        assert path is not None  # `clutter_detector` has seen to it
+        return loaded(path)
+
+    return ClutterDetector(name, about, checkpoint, make)
 
 
 def ranked(X_WGs: Array, scores: Sequence[float] | Array) -> PoseSet:

@@ -16,7 +16,7 @@ from pydrake.geometry import Meshcat
 from planning.clearing.drop_planner import DropPlanner
 from scenarios.clutter.arm_clearing import ArmClearing, LostArmError
 from scenarios.clutter.clearing import Clearing, HandClearing
-from scenarios.clutter.detection import SplitGrasps, TrueGrasps, ranked
+from scenarios.clutter.detection import GraspFinder, clutter_detector, ranked
 from scenarios.clutter.observation import observe, side_camera
 from scenarios.clutter.records import (
     BROKEN,
@@ -152,11 +152,9 @@ class ClutterRound:
                 return TWO_FAILURES, ""
         return EMPTIED, ""
 
-    def _detector(self, clearing: Clearing) -> SplitGrasps | TrueGrasps:
-        if self._spec.detector == "oracle":
-            return TrueGrasps(clearing, self._rng)
-        assert self._spec.checkpoint is not None  # checked by the options
-        return SplitGrasps(self._spec.checkpoint)
+    def _detector(self, clearing: Clearing) -> GraspFinder:
+        method = clutter_detector(self._spec.detector, self._spec.checkpoint)
+        return method.make(self._spec.checkpoint, clearing, self._rng)
 
     def _look(self, clearing: Clearing) -> Scene | None:
         """Return what is seen now, or None where the view shows nothing."""

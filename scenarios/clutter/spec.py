@@ -6,7 +6,6 @@ from typing import Literal
 
 import numpy as np
 
-from scenarios.clutter.detection import DetectorName
 from scenarios.clutter.observation import Noise
 from split_drake.objects.files.folder import ObjectFolder
 from split_drake.objects.procedural.split import ProceduralSource, Split
@@ -41,8 +40,8 @@ class RoundSpec:
         scene: how objects lie when it starts.
         objects: where they come from, see `object_source`.
         cache: where convex decompositions of a folder's meshes are kept.
-        detector: which grasps are found.
-        checkpoint: of SPLIT.
+        detector: the method that finds grasps, see `clutter_detectors`.
+        checkpoint: its parameters, where it has any.
         noise: of what it sees.
         fit_table: put the scale of what it sees right by the table.
         select: which of the grasps is tried.
@@ -57,7 +56,7 @@ class RoundSpec:
     scene: SceneKind
     objects: str
     cache: Path
-    detector: DetectorName
+    detector: str
     checkpoint: Path | None
     noise: Noise
     fit_table: bool

@@ -15,7 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from scenarios.clutter.detection import SplitGrasps
+from scenarios.clutter.detection import FoundBy
+from scenarios.clutter.detectors import split
 from scenarios.clutter.observation import observe, side_camera
 from scenarios.clutter.spec import SceneKind, draw_start, drawn_objects
 from scenarios.clutter_removal import ClutterOptions, missing_rounds
@@ -71,7 +72,7 @@ def detected(options: PictureOptions, scene: SceneKind) -> tuple[HandStation, Po
     draw_start(spec, station, start_rng)
     (view,) = station.capture([side_camera(spec.layout.workspace)])
     seen = observe(view, spec.layout.workspace, spec.noise, noise_rng)
-    return station, SplitGrasps(options.checkpoint).detect(seen, rng)
+    return station, FoundBy(split.load(options.checkpoint)).detect(seen, rng)
 
 
 def draw(axes: Axes, found: PoseSet, X_WC: Array, shown: int) -> None:

@@ -16,6 +16,7 @@ from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.inference import ScenePredictor
 from split_drake.split.network import SplitNetwork
+from split_drake.split.one_thread import use_one_thread
 from split_drake.split.sampling import (
     Integrator,
     LangevinConfig,
@@ -194,5 +195,5 @@ def single_threaded_detector(
     path: Path | None = None, config: SamplerConfig | None = None
 ) -> SplitDetector:
     """Return a detector of this process, on one thread: results depend on their number."""
-    torch.set_num_threads(1)
+    use_one_thread()
     return SplitDetector.from_checkpoint(path, config)

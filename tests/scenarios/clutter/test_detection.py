@@ -5,9 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.clutter import detection
 from scenarios.clutter.clearing import HandClearing
-from scenarios.clutter.detection import SplitGrasps, TrueGrasps, ranked
+from scenarios.clutter.detection import (
+    FoundBy,
+    UnknownDetectorError,
+    clutter_detector,
+    clutter_detectors,
+    ranked,
+)
+from scenarios.clutter.detectors import oracle as oracle_file
+from scenarios.clutter.detectors import split
+from scenarios.clutter.detectors.oracle import TrueGrasps
 from scenarios.clutter.observation import observe, side_camera
 from split_drake.data.clutter.labels import clears_table
 from split_drake.data.clutter.library import ObjectGrasps
@@ -73,13 +81,13 @@ def test_grasps_of_an_object_are_worked_out_once(
     station: HandStation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[str] = []
-    work_out = detection.object_grasps
+    work_out = oracle_file.object_grasps
 
     def count(body: RigidObject, rng: np.random.Generator) -> ObjectGrasps:
         asked.append(body.name)
         return work_out(body, rng)
 
-    monkeypatch.setattr(detection, "object_grasps", count)
+    monkeypatch.setattr(oracle_file, "object_grasps", count)
     finder = oracle(station)
     stand(station, CAN)
     for _ in range(2):
@@ -108,15 +116,42 @@ def test_grasps_are_ranked_by_their_scores() -> None:
 def test_split_is_asked_for_grasps_alone(station: HandStation, tmp_path: Path) -> None:
     save_new_network(tmp_path / "new.safetensors")
     stand(station, CAN)
-    found = SplitGrasps(tmp_path / "new.safetensors").detect(
+    found = FoundBy(split.load(tmp_path / "new.safetensors")).detect(
         look(station), np.random.default_rng(0)
     )
     assert found.task == GRASP
     save_new_network(tmp_path / "upright.safetensors", tasks=(UPRIGHT,))
     with pytest.raises(UnknownTaskError, match="has no task 'grasp'; it has upright"):
-        SplitGrasps(tmp_path / "upright.safetensors").detect(
+        FoundBy(split.load(tmp_path / "upright.safetensors")).detect(
             look(station), np.random.default_rng(0)
         )
+
+
+def test_methods_are_files_of_a_room() -> None:
+    assert {"oracle", "split", "vgn", "giga"} <= set(clutter_detectors())
+    assert all(method.about for method in clutter_detectors().values())
+
+
+def test_a_method_and_its_checkpoint_must_fit(tmp_path: Path) -> None:
+    weights = tmp_path / "w.safetensors"
+    with pytest.raises(UnknownDetectorError, match="--detector is 'vng'; expected one of giga, or"):
+        clutter_detector("vng", None)
+    with pytest.raises(UnknownDetectorError, match="--detector split needs --checkpoint: weights"):
+        clutter_detector("split", None)
+    with pytest.raises(UnknownDetectorError, match="--checkpoint: there is no file"):
+        clutter_detector("split", weights)
+    weights.touch()
+    with pytest.raises(UnknownDetectorError, match="--detector oracle has no parameters; leave"):
+        clutter_detector("oracle", weights)
+    assert clutter_detector("split", weights).name == "split"
+
+
+def test_a_method_is_loaded_once_a_process(station: HandStation, tmp_path: Path) -> None:
+    save_new_network(tmp_path / "new.safetensors")
+    clearing = HandClearing(station, side_camera(LAYOUT.workspace))
+    method, rng = clutter_detector("split", tmp_path / "new.safetensors"), np.random.default_rng(0)
+    first = method.make(tmp_path / "new.safetensors", clearing, rng)
+    assert method.make(tmp_path / "new.safetensors", clearing, rng) is first
 
 
 def test_the_side_view_shows_the_side(station: HandStation) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.clutter import rounds as rounds_module
 from scenarios.clutter.detection import ranked
+from scenarios.clutter.detectors import oracle
 from scenarios.clutter.records import EMPTIED, NO_PLAN, TWO_FAILURES, GraspRecord, RoundRecord
 from scenarios.clutter.report import index_page, write_report
 from scenarios.clutter.rounds import run_round
@@ -89,7 +89,7 @@ def test_cells_are_escaped_and_absent_links_are_empty() -> None:
 
 def spec_of(folder: Path, **options: Any) -> RoundSpec:
     asked = ClutterOptions(
-        "packed", 1, 1, 7, "oracle", objects="procedural-train", noise="none", **options
+        "packed", 1, 1, 48, "oracle", objects="procedural-train", noise="none", **options
     )
     return missing_rounds(asked, folder, ())[0]
 
@@ -102,7 +102,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RoundRecor
 
 def test_a_recording_is_a_page_with_grasps(recorded: tuple[Path, RoundRecord]) -> None:
     folder, record = recorded
-    assert record.recording == "recordings/007-000.html"
+    assert record.recording == "recordings/048-000.html"
     page = (folder / record.recording).read_text()
     assert len(page) > 500_000
     assert "meshcat" in page.lower()
@@ -123,10 +123,10 @@ def test_of_rounds_with_failures_one_is_kept(
 ) -> None:
     in_the_air = ranked(make_pose(rotation_x(np.pi), (0.5, 0.0, 0.3))[None], [0.5])
     finds = SimpleNamespace(detect=lambda scene, rng: in_the_air)
-    monkeypatch.setattr(rounds_module, "TrueGrasps", lambda clearing, rng: finds)
+    monkeypatch.setattr(oracle, "TrueGrasps", lambda clearing, rng: finds)
     record = run_round(spec_of(tmp_path))
     assert record.ended == TWO_FAILURES
-    assert record.recording == "recordings/007-000.html"
+    assert record.recording == "recordings/048-000.html"
     assert (tmp_path / record.recording).is_file()
 
 
@@ -157,7 +157,7 @@ from scenarios.clutter_removal import ClutterOptions, missing_rounds
 
 gc.disable()
 asked = ClutterOptions(
-    "packed", 1, 1, 7, "oracle", objects="procedural-train", noise="none", record="all"
+    "packed", 1, 1, 48, "oracle", objects="procedural-train", noise="none", record="all"
 )
 run_round(missing_rounds(asked, Path(sys.argv[1]), ())[0])
 collector = threading.Thread(target=gc.collect)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.clutter import rounds
 from scenarios.clutter.detection import ranked
+from scenarios.clutter.detectors import oracle
 from scenarios.clutter.records import BROKEN, EMPTIED, NO_GRASP, TWO_FAILURES
 from scenarios.clutter.rounds import run_round
 from scenarios.clutter.spec import RoundSpec, drawn_objects, object_source
@@ -23,14 +23,14 @@ DOWN = rotation_x(np.pi)
 
 
 def spec_of(folder: Path, **options: Any) -> RoundSpec:
-    asked = ClutterOptions("packed", 1, 1, 7, "oracle", objects="procedural-train", noise="none")
+    asked = ClutterOptions("packed", 1, 1, 48, "oracle", objects="procedural-train", noise="none")
     return replace(missing_rounds(asked, folder, ())[0], **options)
 
 
 def detecting(monkeypatch: pytest.MonkeyPatch, detect: Callable[[Scene], PoseSet]) -> None:
     """Have the oracle find what a function says."""
     finds = SimpleNamespace(detect=lambda scene, rng: detect(scene))
-    monkeypatch.setattr(rounds, "TrueGrasps", lambda clearing, rng: finds)
+    monkeypatch.setattr(oracle, "TrueGrasps", lambda clearing, rng: finds)
 
 
 def test_true_grasps_clear_a_table(tmp_path: Path) -> None:
@@ -116,7 +116,8 @@ def test_a_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
         ({"rounds": 0}, "--rounds is 0; expected 1 or more"),
         ({"first_seed": -1}, "--first-seed is -1; expected 0 or more"),
         ({"detector": "split"}, "--detector split needs --checkpoint"),
-        ({"checkpoint": Path("none")}, "there is no file none"),
+        ({"detector": "split", "checkpoint": Path("none")}, "there is no file none"),
+        ({"detector": "vng"}, "--detector is 'vng'; expected one of giga, oracle, split"),
     ],
 )
 def test_bad_options_are_named(options: dict[str, object], message: str) -> None:

@@ -15,7 +15,7 @@ from split_drake.baselines.tsdf import fused_tsdf
 from split_drake.pose_task import UPRIGHT, UnknownTaskError
 from split_drake.scene import Scene
 from split_drake.station.layout import Layout
-from tests.split_drake.baselines.table_views import views
+from tests.split_drake.baselines.table_views import side_view, views
 
 WEIGHTS = Path(__file__).parents[4] / "shared/peer_weights/giga_packed.pt"
 EDGE = 40
@@ -66,18 +66,17 @@ def test_the_authors_weights_find_grasps_on_the_objects() -> None:
     network = GigaNetwork()
     network.load_state_dict(torch.load(WEIGHTS, map_location="cpu", weights_only=True))
     places = ((1, 0.45, 0.0), (3, 0.55, 0.05))
-    seen, workspace = views(*places), Layout().workspace
+    seen, workspace = views(*places, cameras=[side_view()]), Layout().workspace
     field = fused_tsdf(seen, workspace)
     found = GigaDetector(network, replace(SELECTION, threshold=0.5)).grasps(field, workspace)
-    assert len(found) >= 2
     distances = [np.linalg.norm(found.X_WPs[:, :2, 3] - p, axis=1) for _, *p in places]
     assert (np.minimum(*distances) < 0.06).all()
-    assert all((each < 0.05).any() for each in distances)
+    assert all((each < 0.06).any() for each in distances)
     assert (found.X_WPs[:, 2, 2] < 0.1).all(), "a hand comes from above or from the side"
-    # Its occupancy knows what is solid: the middle of the box, and not the air above it.
+    # Its occupancy knows how tall things are: 12 cm and 6 cm.
     inside = workspace.p_WV + workspace.edge_m / 2.0
-    queries = np.array([[0.45, 0.0, 0.02], [0.45, 0.0, 0.2]])
+    queries = np.array([[x, y, z] for _, x, y in places for z in (0.02, 0.045, 0.08, 0.15)])
     points = torch.tensor((queries - inside) / workspace.edge_m, dtype=torch.float32)
     with torch.inference_mode():
-        solid, air = network.occupancy(torch.tensor(field)[None], points[None])[0].tolist()
-    assert solid > 0.0 > air
+        solid = network.occupancy(torch.tensor(field)[None], points[None])[0] > 0.0
+    assert solid.tolist() == [True, True, True, False, True, True, False, False]

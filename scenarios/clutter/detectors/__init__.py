@@ -1,0 +1,1 @@
+"""Methods that find grasps in clutter, a file each."""
