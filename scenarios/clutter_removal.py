@@ -56,8 +56,8 @@ class ClutterOptions:
             vgn and giga the state dictionary that their authors published.
         objects: "procedural", kinds that no model was trained on; "procedural-train", those to
             choose settings on; or a folder of URDF or mesh files in metres.
-        noise: of the view: "gaussian" moves the sampled points by 5 mm, "dex" scales the depth
-            image by 3% and adds a smooth error.
+        noise: of the view: "gaussian" moves the sampled points by 5 mm (and the pixels, for methods
+            that read the image), "dex" scales the image by 3% and adds a smooth error.
         fit_table: put the scale of the depth image right by the table that it shows, for cameras
             that misjudge all distances by one factor.
         select: the best of the grasps that are found, or any of them.

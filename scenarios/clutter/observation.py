@@ -56,7 +56,21 @@ def observe(
     if fit_table:
         view = on_table(view, workspace.p_WCenter[2])
     scene = Scene.from_views([view], workspace)
-    return scene.with_noise(GAUSSIAN_M, rng) if noise == "gaussian" else scene
+    if noise != "gaussian":
+        return scene
+    (view_rng,) = rng.spawn(1)  # so that the points' noise is the same whatever the image has
+    noisy = replace(view, depth_m=with_normal_noise(view.depth_m, view_rng))
+    return replace(scene.with_noise(GAUSSIAN_M, rng), views=(noisy,))
+
+
+def with_normal_noise(depth_m: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return a depth image (H, W) with normal noise of each pixel; 0 stays 0.
+
+    What makes a TSDF of views is so shown as much noise as what samples points.
+    """
+    noisy = depth_m + rng.normal(0.0, GAUSSIAN_M, depth_m.shape)
+    seen = (depth_m > 0.0) & np.isfinite(depth_m)
+    return np.where(seen, np.maximum(noisy, 0.0), depth_m).astype(np.float32)
 
 
 def dex_noise(depth_m: np.ndarray, rng: np.random.Generator) -> np.ndarray:

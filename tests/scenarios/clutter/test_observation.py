@@ -46,10 +46,17 @@ def test_what_was_not_measured_stays_so() -> None:
         ]
 
 
-def test_gaussian_noise_moves_the_sampled_points_alone() -> None:
+def test_gaussian_noise_moves_the_sampled_points_and_shows_in_the_view() -> None:
     rng = np.random.default_rng(0)
-    clean = observe(view_of(0.6), WORKSPACE, "none", rng)
-    noisy = observe(view_of(0.6), WORKSPACE, "gaussian", rng)
+    image = view_of(0.6)
+    image.depth_m[:10] = 0.0
+    clean = observe(image, WORKSPACE, "none", rng)
+    noisy = observe(image, WORKSPACE, "gaussian", rng)
+    shown = noisy.views[0].depth_m
+    assert (shown[:10] == 0.0).all()
+    assert (shown[10:] - 0.6).std() == pytest.approx(GAUSSIAN_M, rel=0.02)
+    again = observe(image, WORKSPACE, "none", rng).with_noise(GAUSSIAN_M, np.random.default_rng(0))
+    np.testing.assert_array_equal(noisy.p_WSs, again.p_WSs)
     assert isinstance(clean, Scene)
     np.testing.assert_array_equal(noisy.p_WPs, clean.p_WPs)
     assert (noisy.p_WSs - clean.p_WSs).std() == pytest.approx(GAUSSIAN_M, rel=0.1)
