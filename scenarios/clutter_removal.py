@@ -166,14 +166,15 @@ def main(options: ClutterOptions) -> Path:
     except ObjectFileError as error:
         raise SystemExit(f"--objects: {error}") from error
     run = clutter_run(folder)
-    run.claim(config, _FREE_KEYS)
-    specs = missing_rounds(options, folder, {(each.seed, each.index) for each in run.records()})
-    pool = WorkerPool(run_round, options.workers, crashed_round)
-    run.collect(pool.run(specs), len(specs), console, describe)
-    records = asked_records(options, run.records())
-    if not records:
-        raise SystemExit("no round was run")
-    write_report(folder, records, config)
+    with run.claim(config, _FREE_KEYS):
+        done = {(each.seed, each.index) for each in run.records()}
+        specs = missing_rounds(options, folder, done)
+        pool = WorkerPool(run_round, options.workers, crashed_round)
+        run.collect(pool.run(specs), len(specs), console, describe)
+        records = asked_records(options, run.records())
+        if not records:
+            raise SystemExit("no round was run")
+        write_report(folder, records, config)
     print_removal(console, run_title(config), Removal.of(records))
     console.print(f"results: {folder}")
     return folder

@@ -6,11 +6,10 @@ as each trial ends), summary.json, recordings/*.html, poses/*.npz (each percepti
 `scenarios.view_poses`) and index.html.  The same --out goes on where an interrupted run stopped.
 """
 
-import json
 import math
 import os
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
@@ -32,6 +31,7 @@ from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import RunFolder, as_json
+from split_drake.files import interpreting, read_json_object
 from split_drake.objects.scanned.mug_source import MugSource
 
 
@@ -152,7 +152,10 @@ def specs_of(options: MugHangOptions, folder: Path, done: Collection[int]) -> li
 def earlier_wall_s(folder: Path) -> float:
     """Return the wall time that the run has taken before."""
     path = folder / "summary.json"
-    return float(json.loads(path.read_text())["wall_s"]) if path.exists() else 0.0
+    if not path.exists():
+        return 0.0
+    with interpreting(path, what := "the summary of a run"):
+        return float(read_json_object(path, what)["wall_s"])
 
 
 def run_missing(
@@ -182,23 +185,35 @@ def main(options: MugHangOptions) -> Path:
     started = time.monotonic()
     folder = options.out or Path("runs/mug_hang") / datetime.now().strftime("%Y%m%d-%H%M%S")
     config, run = run_config(options), trial_run(folder)
-    run.claim(config, FREE_KEYS)
-    before_s = earlier_wall_s(folder)
-    specs = specs_of(options, folder, {record.index for record in run.records()})
-    source = MugSource(options.mugs)
-    if specs and source.folder is not None:
-        check_mugs(
-            source, folder, options.detector == "oracle", specs[0].station, options.workers, console
-        )
-    try:
-        run_missing(run, specs, options.workers, console)
-    finally:
-        asked = [record for record in run.records() if record.index < options.trials]
-        asked.sort(key=lambda record: record.index)
-        write_report(folder, asked, config, before_s + time.monotonic() - started)
+    with run.claim(config, FREE_KEYS):
+        before_s = earlier_wall_s(folder)
+        specs = specs_of(options, folder, {record.index for record in run.records()})
+        if specs:
+            require_working_mugs(options, folder, specs[0], console)
+        try:
+            run_missing(run, specs, options.workers, console)
+        finally:
+            run.require_unchanged()
+            asked = asked_records(options, run.records())
+            write_report(folder, asked, config, before_s + time.monotonic() - started)
     print_report(console, asked, run_title(config))
     console.print(f"results: {folder / 'index.html'}")
     return folder
+
+
+def require_working_mugs(
+    options: MugHangOptions, folder: Path, spec: TrialSpec, console: Console
+) -> None:
+    """Check the user's own mugs, where the run is of such."""
+    source, with_grasps = MugSource(options.mugs), options.detector == "oracle"
+    if source.folder is not None:
+        check_mugs(source, folder, with_grasps, spec.station, options.workers, console)
+
+
+def asked_records(options: MugHangOptions, records: Sequence[TrialRecord]) -> list[TrialRecord]:
+    """Return the records that the options ask for, by their numbers."""
+    asked = [record for record in records if record.index < options.trials]
+    return sorted(asked, key=lambda record: record.index)
 
 
 if __name__ == "__main__":

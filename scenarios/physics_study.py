@@ -12,6 +12,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -64,6 +65,11 @@ class StudyOptions:
             raise ValueError(f"--workers is {self.workers}; expected at least 1")
 
 
+def study_config(options: StudyOptions) -> dict[str, Any]:
+    """Return the content of config.json."""
+    return {**asdict(options), **code_version()}
+
+
 def missing_trials(
     options: StudyOptions, cells: Sequence[Cell], records: Sequence[StudyRecord]
 ) -> list[StudyTrial]:
@@ -81,12 +87,13 @@ def main(options: StudyOptions) -> None:
     """Run what is missing of the study, and report."""
     console = Console()
     run, cells = study_run(options.out), study_cells(StationConfig(Layout()), options.factors)
-    run.claim({**asdict(options), **code_version()}, _FREE_KEYS)
-    trials = missing_trials(options, cells, run.records())
-    pool = WorkerPool(run_study_trial, options.workers, crashed_study_trial)
-    run.collect(pool.run(trials), len(trials), console, describe=lambda found: found[-1].cell)
-    rows = study_rows(cells, [record for record in run.records() if record.index < options.trials])
-    write_study(options.out, rows)
+    with run.claim(study_config(options), _FREE_KEYS):
+        trials = missing_trials(options, cells, run.records())
+        pool = WorkerPool(run_study_trial, options.workers, crashed_study_trial)
+        run.collect(pool.run(trials), len(trials), console, describe=lambda found: found[-1].cell)
+        asked = [record for record in run.records() if record.index < options.trials]
+        rows = study_rows(cells, asked)
+        write_study(options.out, rows)
     print_study(console, rows)
     console.print(f"results: {options.out / 'study.md'}")
 

@@ -130,12 +130,12 @@ def main(options: BenchOptions) -> Path:
     folder = options.out or Path("runs/planner_bench") / datetime.now().strftime("%Y%m%d-%H%M%S")
     subgoals = subgoals_of(options)
     config, run = bench_config(options), bench_run(folder)
-    run.claim(config, _FREE_KEYS)
-    tasks = missing_tasks(options, subgoals, run.records())
-    pool = WorkerPool(run_task, options.workers, crashed_task)
-    run.collect(pool.run(tasks), len(tasks), console)
-    asked = [r for r in run.records() if r.problem in subgoals and r.planner in options.planner]
-    write_bench_summary(folder / "summary.json", asked, options.planner, config)
+    with run.claim(config, _FREE_KEYS):
+        tasks = missing_tasks(options, subgoals, run.records())
+        pool = WorkerPool(run_task, options.workers, crashed_task)
+        run.collect(pool.run(tasks), len(tasks), console)
+        asked = [r for r in run.records() if r.problem in subgoals and r.planner in options.planner]
+        write_bench_summary(folder / "summary.json", asked, options.planner, config)
     print_bench(console, asked, options.planner)
     console.print(f"results: {folder}")
     return folder

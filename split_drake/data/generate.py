@@ -216,22 +216,26 @@ def generate(recipe: DatasetRecipe, out: Path, workers: int) -> None:
 
     Raises AnotherRunError where the folder holds scenes of another recipe.
     """
-    config = claim_folder(out, recipe.config())
     names = recipe.source.names()
-    missing = [name for name in names if not (out / f"{name}.npz").exists()]
     make = partial(generate_shard, recipe, out)
-    pool = InThisProcess(make) if workers == 1 else WorkerPool(make, workers)
-    for _ in track(pool.run(missing), "shards", total=len(missing)):
-        pass
+    with claim_folder(out, recipe.config()) as config:
+        missing = [name for name in names if not (out / f"{name}.npz").exists()]
+        pool = InThisProcess(make) if workers == 1 else WorkerPool(make, workers)
+        for _ in track(pool.run(missing), "shards", total=len(missing)):
+            pass
+        write_json(out / MANIFEST, _manifest(recipe, out, config))
+
+
+def _manifest(recipe: DatasetRecipe, out: Path, config: dict[str, Any]) -> dict[str, Any]:
+    names = recipe.source.names()
     shards = {name: file_sha256(out / f"{name}.npz") for name in names}
-    manifest = {
+    return {
         "format_version": FORMAT_VERSION,
         "config": config,
         **summarize(out, names, recipe.tasks),
         "shards": shards,
         "sha256": combined_sha256(shards),
     }
-    write_json(out / MANIFEST, manifest)
 
 
 def main(config: GenerateConfig) -> None:

@@ -16,7 +16,7 @@ UNKNOWN_COMMIT = "unknown"
 _PACKAGES = ("drake", "torch", "numpy", "trimesh", "ompl")
 _ROOT = Path(__file__).parents[2]
 _SOURCES = ("split_drake", "planning", "models", "scenarios")
-_SUFFIXES = (".py", ".urdf", ".json", ".npz")
+_SUFFIXES = (".py", ".urdf", ".xml", ".obj", ".json", ".npz")
 
 
 def code_version() -> dict[str, Any]:

@@ -287,7 +287,9 @@ class TrainingRun:
 def train(config: TrainConfig, console: Console | None = None) -> None:
     """Train as `config` says; the outcome is in its output folder."""
     console = console or Console(soft_wrap=True)
-    TrainingRun(config, SceneDataset.open(config.data), console).execute()
+    dataset = SceneDataset.open(config.data)
+    with TrainingFolder(config.out).locked(config.resume):
+        TrainingRun(config, dataset, console).execute()
 
 
 if __name__ == "__main__":

@@ -84,13 +84,13 @@ def generate(recipe: ClutterRecipe, out: Path, shards: int, workers: int) -> Non
 
     Raises AnotherRunError where the folder holds scenes of another recipe.
     """
-    config = claim_folder(out, recipe.config())
-    missing = [number for number in range(shards) if not (out / _name(number)).exists()]
     make = partial(generate_shard, recipe, out)
-    pool = InThisProcess(make) if workers == 1 else WorkerPool(make, workers)
-    for _ in track(pool.run(missing), "shards", total=len(missing)):
-        pass
-    write_manifest(out, config)
+    with claim_folder(out, recipe.config()) as config:
+        missing = [number for number in range(shards) if not (out / _name(number)).exists()]
+        pool = InThisProcess(make) if workers == 1 else WorkerPool(make, workers)
+        for _ in track(pool.run(missing), "shards", total=len(missing)):
+            pass
+        write_manifest(out, config)
 
 
 def write_manifest(out: Path, config: dict[str, Any]) -> None:
