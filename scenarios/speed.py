@@ -4,7 +4,6 @@ Runs the same trials with one worker and with two, recordings included, and prin
 beside what the project promises.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from rich.table import Table
 from scenarios import mug_hang
 from scenarios.trials.records import TrialRecord, trial_run
 from split_drake.experiments.command import run_command
+from split_drake.files import interpreting, read_json_object
 
 GIB = 2.0**30
 
@@ -119,13 +119,16 @@ def timed_run(options: SpeedOptions, workers: int) -> tuple[list[TrialRecord], f
             f"{folder} holds {len(records)} trials, --trials is {options.trials}; expected as many "
             "as it holds, or another --out"
         )
-    return records, float(json.loads((folder / "summary.json").read_text())["wall_s"])
+    return records, mug_hang.earlier_wall_s(folder)
 
 
 def _timed_trials(folder: Path) -> int:
     """Return how many trials the run's wall time is that of."""
     path = folder / "summary.json"
-    return int(json.loads(path.read_text())["trials"]) if path.exists() else 0
+    if not path.exists():
+        return 0
+    with interpreting(path, what := "the summary of a run"):
+        return int(read_json_object(path, what)["trials"])
 
 
 def main(options: SpeedOptions) -> list[Figure]:

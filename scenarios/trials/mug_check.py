@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 
 from split_drake.experiments.pool import WorkerPool
-from split_drake.files import replacing
+from split_drake.files import interpreting, read_npz, replacing
 from split_drake.grasps.sampling import SCANNED_WIDTH_M, GraspLabels, sample_grasps
 from split_drake.objects.mug_shape import InvalidMugError
 from split_drake.objects.scanned.mug_source import MugSource
@@ -80,9 +80,11 @@ def grasps_path(folder: Path, name: str) -> Path:
 
 
 def read_grasps(folder: Path, name: str) -> GraspLabels:
-    """Return the true grasps that `check_mugs` wrote; raise FileNotFoundError without."""
-    with np.load(grasps_path(folder, name), allow_pickle=False) as archive:
-        return GraspLabels(**{key: archive[key] for key in _label_fields()})
+    """Return the true grasps that `check_mugs` wrote; raise MissingFileError without."""
+    path, what = grasps_path(folder, name), "the true grasps of a mug"
+    arrays = read_npz(path, what, required=_label_fields())
+    with interpreting(path, what):
+        return GraspLabels(**{key: arrays[key] for key in _label_fields()})
 
 
 def _write(path: Path, labels: GraspLabels) -> None:
