@@ -25,12 +25,17 @@ from scenarios.study.trials import (
     run_study_trial,
     study_run,
 )
+from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version
+from split_drake.experiments.run import require_results
 from split_drake.station.config import StationConfig
+from split_drake.station.egl import check_rendering
 from split_drake.station.layout import Layout
 
+# A trial takes a minute.
+_LIMIT_S = 1800.0
 _FREE_KEYS = ("out", "trials", "factors", "workers")
 
 
@@ -55,6 +60,7 @@ class StudyOptions:
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if self.trials < 1:
             raise ValueError(f"--trials is {self.trials}; expected at least 1")
         if self.seed < 0:
@@ -87,15 +93,19 @@ def main(options: StudyOptions) -> None:
     """Run what is missing of the study, and report."""
     console = Console()
     run, cells = study_run(options.out), study_cells(StationConfig(Layout()), options.factors)
-    with run.claim(study_config(options), _FREE_KEYS):
+    if any(cell.kind == "hang" for cell in cells):
+        check_rendering()
+    with run.claim(study_config(options), _FREE_KEYS, again=lambda record: record.failed_to_run):
         trials = missing_trials(options, cells, run.records())
-        pool = WorkerPool(run_study_trial, options.workers, crashed_study_trial)
+        pool = WorkerPool(run_study_trial, options.workers, crashed_study_trial, limit_s=_LIMIT_S)
         run.collect(pool.run(trials), len(trials), console, describe=lambda found: found[-1].cell)
         asked = [record for record in run.records() if record.index < options.trials]
         rows = study_rows(cells, asked)
         write_study(options.out, rows)
     print_study(console, rows)
     console.print(f"results: {options.out / 'study.md'}")
+    errors = [record.reason for record in asked if record.failed_to_run]
+    require_results(errors, len(asked), options.out)
 
 
 if __name__ == "__main__":

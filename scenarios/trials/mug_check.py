@@ -15,6 +15,9 @@ from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.station.config import StationConfig
 from split_drake.station.station import Station
 
+# A mug takes seconds.
+_CHECK_LIMIT_S = 600.0
+
 
 @dataclass(frozen=True)
 class MugCheck:
@@ -48,7 +51,7 @@ def check_mugs(
     """
     names = source.names()
     checks = [MugCheck(source, name, folder, with_grasps, station) for name in names]
-    pool = WorkerPool(check_mug, workers, crashed_check)
+    pool = WorkerPool(check_mug, workers, crashed_check, limit_s=_CHECK_LIMIT_S)
     with console.status(f"checking {len(names)} mugs of {source.where}"):
         faults = sorted(fault for fault in pool.run(checks) if fault)
     if faults:
@@ -69,9 +72,9 @@ def check_mug(check: MugCheck) -> str:
     return ""
 
 
-def crashed_check(check: MugCheck) -> str:
-    """Return why a mug is refused whose check took its process down."""
-    return f"{check.name}: the process that loaded it died"
+def crashed_check(check: MugCheck, reason: str) -> str:
+    """Return why a mug is refused whose check took its process down, or too long."""
+    return f"{check.name}: while it was loaded, {reason}"
 
 
 def grasps_path(folder: Path, name: str) -> Path:

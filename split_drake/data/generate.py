@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 from rich.progress import track
 
+from split_drake.bad_input import require_numbers
 from split_drake.data.dataset import FORMAT_VERSION, MANIFEST, read_shard, write_shard
 from split_drake.data.grasp_candidates import GraspCandidates
 from split_drake.data.labels import FixedPoses, PoseLabels, PoseState
@@ -96,6 +97,9 @@ class DatasetRecipe:
     seed: int = 0
     made_from: Mapping[str, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        require_numbers(self)
+
     def config(self) -> dict[str, Any]:
         """Return all that the scenes depend on."""
         return {
@@ -133,6 +137,7 @@ class GenerateConfig:
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         for name in ("scenes_per_mug", "workers"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")

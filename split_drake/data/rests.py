@@ -14,7 +14,7 @@ import numpy as np
 from rich.progress import track
 from scipy.spatial.transform import Rotation
 
-from split_drake.bad_input import BadInputError
+from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.files import interpreting, read_npz, replacing
@@ -125,6 +125,7 @@ class SettleConfig:
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         for name in ("count", "workers"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")

@@ -37,8 +37,32 @@ class AnotherRunError(BadInputError):
     """A folder holds a run with other options, data, weights or code."""
 
 
+class NoResultsError(BadInputError):
+    """All of a run ended in errors."""
+
+
+def require_results(errors: Sequence[str], asked: int, folder: Path) -> None:
+    """Raise NoResultsError where all that was run, `asked` of it, ended in `errors`.
+
+    The same command tries them again.
+    """
+    if asked and len(errors) == asked:
+        first = errors[0].strip().splitlines()[-1] if errors[0].strip() else "without a reason"
+        raise NoResultsError(
+            f"{folder} holds no result: all {asked} ended in an error, the first in: {first}"
+        )
+
+
 def as_json(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values as JSON gives them back: lists for tuples and arrays, texts for paths."""
+    """Return the values as JSON gives them back: lists for tuples and arrays, texts for paths.
+
+    Raises BadInputError where one of them is NaN or infinite, which JSON does not have.
+    """
+    for key, value in config.items():
+        try:
+            json.dumps(value, default=_plain, allow_nan=False)
+        except ValueError as error:
+            raise BadInputError(f"{key} is {_shown(value)}; expected finite numbers") from error
     return dict(json.loads(json.dumps(config, default=_plain)))
 
 
@@ -141,11 +165,21 @@ class RunFolder(Generic[Record]):
         self._lock: FolderLock | None = None
 
     @contextmanager
-    def claim(self, config: Mapping[str, Any], free_keys: Collection[str] = ()) -> Iterator[None]:
-        """Claim the folder, as `claim_folder` does, and mend a log that a kill cut off."""
+    def claim(
+        self,
+        config: Mapping[str, Any],
+        free_keys: Collection[str] = (),
+        again: Callable[[Record], bool] = lambda record: False,
+    ) -> Iterator[None]:
+        """Claim the folder, as `claim_folder` does, and mend a log that a kill cut off.
+
+        Records that are to be made `again`, those of errors say, are taken out of the log.
+        """
         with _claimed(self.path, as_json(config), free_keys) as self._lock:
+            records = self.records()
             lines = read_json_lines(self.log)
-            write_atomically(self.log, "".join(_line(fields) + "\n" for fields in lines))
+            kept = [line for line, found in zip(lines, records, strict=True) if not again(found)]
+            write_atomically(self.log, "".join(_line(fields) + "\n" for fields in kept))
             yield
         self._lock = None
 

@@ -15,6 +15,7 @@ from typing import Any, Literal
 import torch
 from rich.console import Console
 
+from split_drake.bad_input import require_count, require_numbers
 from split_drake.data.dataset import SceneDataset
 from split_drake.evaluation.evaluate import MugEvalOptions
 from split_drake.evaluation.evaluation import METRICS, evaluate
@@ -57,6 +58,11 @@ class AblateConfig:
     device: Literal["auto", "cpu", "cuda"] = "auto"
     workers: int = len(os.sched_getaffinity(0))
     report_only: bool = False
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
+        for name, least in (("steps", 1), ("scenes", 1), ("physics_scenes", 0), ("workers", 1)):
+            require_count(name, getattr(self, name), least)
 
     def training(self, model: Model) -> TrainConfig:
         """Return the training run of a model."""

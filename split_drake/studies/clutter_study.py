@@ -20,6 +20,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial import cKDTree
 
+from split_drake.bad_input import require_numbers
 from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScene, ClutterScenes
 from split_drake.data.clutter.sizes import clutter_source
 from split_drake.data.clutter.views import merged_mesh
@@ -71,6 +72,7 @@ class ClutterStudyConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if self.scenes < 1:
             raise ValueError(f"--scenes is {self.scenes}; expected 1 or more")
         if not 0.0 <= self.threshold <= 1.0:

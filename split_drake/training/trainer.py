@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from split_drake.bad_input import BadInputError
+from split_drake.bad_input import BadInputError, require_count, require_number, require_numbers
 from split_drake.files import replacing
 from split_drake.split.network import SplitNetwork
 from split_drake.split.network_config import SplitConfig
@@ -48,6 +48,16 @@ class OptimizerConfig:
     gradient_norm: float = 1.0
     average_decay: float = 0.998
     tolerated_steps: int = 3
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
+        for name in ("learning_rate", "gradient_norm"):
+            if not getattr(self, name) > 0.0:
+                raise BadInputError(f"{name} is {getattr(self, name)}; expected more than 0")
+        for name in ("hold", "final_rate", "average_decay"):
+            require_number(name, getattr(self, name), 0.0, 1.0)
+        require_count("warmup_steps", self.warmup_steps, 1)
+        require_count("tolerated_steps", self.tolerated_steps)
 
     def rate(self, step: int, progress: float) -> float:
         """Return the learning rate at `step`, a share `progress` in [0, 1] of the run."""

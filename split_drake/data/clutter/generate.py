@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from rich.progress import track
 
+from split_drake.bad_input import require_numbers
 from split_drake.data.clutter.labels import FALSE_KEPT, TRUE_KEPT
 from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScene, ClutterScenes
 from split_drake.data.clutter.sizes import clutter_source
@@ -131,6 +132,7 @@ class ClutterOptions:
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if self.scenes < SCENES_PER_SHARD or self.scenes % SCENES_PER_SHARD:
             raise ValueError(
                 f"scenes is {self.scenes}; expected a multiple of {SCENES_PER_SHARD}, at least one"

@@ -17,7 +17,7 @@ import shapely
 import trimesh
 from rich.progress import track
 
-from split_drake.bad_input import BadInputError
+from split_drake.bad_input import BadInputError, require_count
 from split_drake.data.clutter.sizes import clutter_source
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import InThisProcess, WorkerPool
@@ -261,6 +261,9 @@ class LibraryOptions:
     out: Path
     objects: Literal["train", "test"] = "train"
     workers: int = len(os.sched_getaffinity(0))
+
+    def __post_init__(self) -> None:
+        require_count("workers", self.workers, 1)
 
 
 def main(options: LibraryOptions) -> None:

@@ -367,7 +367,7 @@ def test_damaged_datasets_are_refused(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match=r"test_00\d\.npz is missing"):
         SceneDataset.open(tmp_path)
     for name in NAMES:
-        (tmp_path / f"{name}.npz").write_bytes((folder / f"{name}.npz").read_bytes()[:-1] + b"x")
+        (tmp_path / f"{name}.npz").write_bytes((folder / f"{name}.npz").read_bytes()[:-1000])
     with pytest.raises(DatasetError, match="has changed: SHA-256"):
         SceneDataset.open(tmp_path)
     with pytest.raises(UnreadableFileError, match=r"test_00\d\.npz is damaged or not a shard"):
