@@ -9,6 +9,7 @@ import numpy as np
 
 from planning.plan_rows import PlanRow, export_rows
 from planning.subgoal import AllowedContact, Subgoal
+from split_drake.bad_input import require_numbers
 from split_drake.pose_set import PoseSets
 from split_drake.poses import Array
 from split_drake.station.layout import Layout
@@ -236,6 +237,7 @@ class PlanningProblem:
     X_WGfailed: Array = field(default_factory=lambda: np.empty((0, 4, 4)))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         wanted = [task.name for task in self.subgoal.tasks]
         missing = [name for name in wanted if name not in self.pose_sets]
         if missing:

@@ -6,7 +6,6 @@ exactly.
 
 import hashlib
 import json
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from models import MODELS_FOLDER
 from planning.geometry.perceived import DETAIL_VOXEL_M, voxel_centroids
 from planning.problem import PlanningProblem
 from planning.subgoal import find_subgoal
-from split_drake.files import replacing
+from split_drake.files import Arrays, UnreadableFileError, interpreting, read_npz, replacing
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import MUG_TASKS, PoseTask
 from split_drake.poses import Array, make_pose
@@ -33,7 +32,7 @@ ANGLE_STEP_RAD = 1e-4
 SCORE_STEP = 1.0 / np.iinfo(np.uint16).max
 _MISSING = -1
 
-Arrays = dict[str, NDArray]
+_WHAT = "a file of planning problems"
 SHIPPED_PROBLEMS = MODELS_FOLDER / "problems" / "mugs.npz"
 
 
@@ -72,25 +71,23 @@ def save_problems(path: Path, problems: Mapping[str, PlanningProblem]) -> None:
         np.savez_compressed(temporary, allow_pickle=False, **arrays)
 
 
-def load_problems(path: Path) -> dict[str, PlanningProblem]:
+def load_problems(path: Path | str) -> dict[str, PlanningProblem]:
     """Return {name: problem} as written by `save_problems`, in the same order.
 
-    Raises ValueError where the file is damaged, of another format, or no collection of problems.
+    Raises MissingFileError, and UnreadableFileError where the file is damaged, of another format,
+    or no collection of problems.
     """
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except (zipfile.BadZipFile, ValueError, EOFError, OSError) as error:
-        if isinstance(error, FileNotFoundError):
-            raise
-        raise ValueError(f"{path} is no readable collection of problems: {error}") from error
-    found = arrays.pop("format", None)
-    if found is None or found not in _FORMATS:
-        raise ValueError(f"{path} has format {found}; expected {FORMAT}")
+    arrays = read_npz(path, _WHAT)
+    found = arrays.pop("format", np.array(None)).tolist()
+    if found not in _FORMATS:
+        raise UnreadableFileError(f"{path} has format {found}; expected {FORMAT}")
     checksum = str(arrays.pop("sha256", ""))
     if checksum != _checksum(arrays):
-        raise ValueError(f"{path} is damaged: its content does not match its SHA-256 {checksum!r}")
-    return _from_arrays(arrays)
+        raise UnreadableFileError(
+            f"{path} is damaged: its content does not match its SHA-256 {checksum!r}"
+        )
+    with interpreting(path, _WHAT):
+        return _from_arrays(arrays)
 
 
 def _to_arrays(names: Sequence[str], problems: Sequence[PlanningProblem]) -> Arrays:
@@ -175,6 +172,8 @@ def _pose_sets(task: PoseTask, arrays: Arrays) -> list[PoseSet | None]:
 def _split(rows: Array, counts: NDArray) -> list[Array]:
     """Return the rows (M, ...) of each problem; `counts` (N,) may be `_MISSING`."""
     ends = np.cumsum(np.maximum(counts, 0))
+    if (total := int(np.maximum(counts, 0).sum())) != len(rows):
+        raise ValueError(f"{len(rows)} rows are split by counts of {total} in all")
     return np.split(rows, ends[:-1]) if len(counts) else []
 
 

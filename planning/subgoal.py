@@ -10,6 +10,7 @@ from functools import cache
 
 from planning.geometry.perceived import PerceivedObject
 from planning.room_files import constants_in
+from split_drake.bad_input import require_numbers
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP, PoseTask
 from split_drake.poses import Array
@@ -105,6 +106,7 @@ class Subgoal:
     first: "Subgoal | None" = None
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         names = [subgoal.name for subgoal in self.chain]
         if len(set(names)) < len(names):
             raise ValueError(

@@ -32,13 +32,17 @@ from scenarios.clutter.spec import (
     Selection,
     object_source,
 )
+from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
+from split_drake.experiments.run import require_results
 from split_drake.objects.files.mesh_file import ObjectFileError
+from split_drake.pose_task import GRASP, find_tasks
+from split_drake.station.egl import check_rendering
 from split_drake.station.layout import Layout
 
-_FREE_KEYS = ("rounds", "seeds", "workers", "record", "out")
+_FREE_KEYS = ("rounds", "seeds", "workers", "record", "limit_s", "out")
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,8 @@ class ClutterOptions:
         record: which rounds keep a recording for the browser; failures are rounds in which a grasp
             failed or something was left.
         workers: processes; outcomes do not depend on them.
+        limit_s: a round that takes longer is ended, and recorded as such; so generous that no
+            outcome depends on it.
         out: folder of the results; runs/clutter_removal/<time> where not given.
     """
 
@@ -82,14 +88,28 @@ class ClutterOptions:
     robot: Robot = "hand"
     record: Recorded = "failures"
     workers: int = len(os.sched_getaffinity(0))
+    limit_s: float = 3600.0
     out: Path | None = None
 
     def __post_init__(self) -> None:
+        require_numbers(self)
+        if not self.limit_s > 0.0:
+            raise ValueError(f"--limit-s is {self.limit_s}; expected seconds > 0")
         for name, least in (("rounds", 1), ("seeds", 1), ("first_seed", 0), ("workers", 1)):
             if getattr(self, name) < least:
                 flag = name.replace("_", "-")
                 raise ValueError(f"--{flag} is {getattr(self, name)}; expected {least} or more")
         clutter_detector(self.detector, self.checkpoint)
+
+
+def require_working_detector(options: ClutterOptions) -> None:
+    """Raise BadInputError where no round could detect: no driver, or a wrong checkpoint."""
+    check_rendering()
+    if options.checkpoint is not None:
+        from split_drake.split.checkpoint import load_checkpoint
+
+        _, info = load_checkpoint(options.checkpoint)
+        find_tasks((GRASP,), info.tasks, str(options.checkpoint))
 
 
 def layout_of(options: ClutterOptions) -> Layout:
@@ -161,16 +181,20 @@ def main(options: ClutterOptions) -> Path:
     except ObjectFileError as error:
         raise SystemExit(f"--objects: {error}") from error
     run = clutter_run(folder)
-    run.claim(config, _FREE_KEYS)
-    specs = missing_rounds(options, folder, {(each.seed, each.index) for each in run.records()})
-    pool = WorkerPool(run_round, options.workers, crashed_round)
-    run.collect(pool.run(specs), len(specs), console, describe)
-    records = asked_records(options, run.records())
-    if not records:
-        raise SystemExit("no round was run")
-    write_report(folder, records, config)
+    require_working_detector(options)
+    with run.claim(config, _FREE_KEYS, again=lambda record: record.failed_to_run):
+        done = {(each.seed, each.index) for each in run.records()}
+        specs = missing_rounds(options, folder, done)
+        pool = WorkerPool(run_round, options.workers, crashed_round, limit_s=options.limit_s)
+        run.collect(pool.run(specs), len(specs), console, describe)
+        records = asked_records(options, run.records())
+        if not records:
+            raise SystemExit("no round was run")
+        write_report(folder, records, config)
     print_removal(console, run_title(config), Removal.of(records))
     console.print(f"results: {folder}")
+    errors = [record.detail or record.ended for record in records if record.failed_to_run]
+    require_results(errors, len(records), folder)
     return folder
 
 

@@ -6,11 +6,10 @@ as each trial ends), summary.json, recordings/*.html, poses/*.npz (each percepti
 `scenarios.view_poses`) and index.html.  The same --out goes on where an interrupted run stopped.
 """
 
-import json
 import math
 import os
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
@@ -20,7 +19,7 @@ from rich.console import Console
 
 from planning.planner import planner_names
 from planning.subgoal import find_subgoal
-from scenarios.trials.detectors import station_of
+from scenarios.trials.detectors import require_working_detector, station_of
 from scenarios.trials.mug_check import check_mugs
 from scenarios.trials.mug_tasks import MugTaskName
 from scenarios.trials.pose_noise import PoseNoise
@@ -28,11 +27,14 @@ from scenarios.trials.records import TrialRecord, success_rate, trial_run
 from scenarios.trials.report import print_report, run_title, write_report
 from scenarios.trials.spec import TrialSpec
 from scenarios.trials.trial import crashed_trial, run_trial
+from split_drake.bad_input import require_number, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
-from split_drake.experiments.run import RunFolder, as_json
+from split_drake.experiments.run import RunFolder, as_json, require_results
+from split_drake.files import interpreting, read_json_object
 from split_drake.objects.scanned.mug_source import MugSource
+from split_drake.scene import MAX_NOISE_M
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,8 @@ class MugHangOptions:
             planning.checking.checked_planner; counts as planning time.
         workers: processes; outcomes do not depend on them.
         record: which trials keep a recording and the pose sets they perceived.
+        limit_s: a trial that takes longer is ended, and recorded as an error; so generous that no
+            outcome depends on it.
         out: folder of the results; runs/mug_hang/<time> where not given.
     """
 
@@ -74,17 +78,22 @@ class MugHangOptions:
     feedback: bool = True
     check_plans: bool = False
     record: Literal["all", "failures", "none"] = "all"
+    limit_s: float = 1800.0
     out: Path | None = None
 
     def __post_init__(self) -> None:
+        require_numbers(self)
+        if not self.limit_s > 0.0:
+            raise ValueError(f"--limit-s is {self.limit_s}; expected seconds > 0")
         if self.trials < 1:
             raise ValueError(f"--trials is {self.trials}; expected at least 1")
         if self.seed < 0:
             raise ValueError(f"--seed is {self.seed}; expected 0 or more")
         if self.workers < 1:
             raise ValueError(f"--workers is {self.workers}; expected at least 1")
-        if self.noise_m < 0.0:
-            raise ValueError(f"--noise-m is {self.noise_m}; expected metres >= 0")
+        require_number(
+            "--noise-m", self.noise_m, 0.0, MAX_NOISE_M, "a standard deviation in metres"
+        )
         for name in ("pose_noise_mm", "pose_noise_deg"):
             if not 0.0 <= getattr(self, name) < math.inf:
                 flag = name.replace("_", "-")
@@ -107,7 +116,7 @@ class MugHangOptions:
 
 
 # What may differ when a run goes on: none of it changes an outcome.
-FREE_KEYS = ("trials", "workers", "record", "out")
+FREE_KEYS = ("trials", "workers", "record", "limit_s", "out")
 
 
 def run_config(options: MugHangOptions) -> dict[str, Any]:
@@ -152,14 +161,17 @@ def specs_of(options: MugHangOptions, folder: Path, done: Collection[int]) -> li
 def earlier_wall_s(folder: Path) -> float:
     """Return the wall time that the run has taken before."""
     path = folder / "summary.json"
-    return float(json.loads(path.read_text())["wall_s"]) if path.exists() else 0.0
+    if not path.exists():
+        return 0.0
+    with interpreting(path, what := "the summary of a run"):
+        return float(read_json_object(path, what)["wall_s"])
 
 
 def run_missing(
-    run: RunFolder[TrialRecord], specs: list[TrialSpec], workers: int, console: Console
+    run: RunFolder[TrialRecord], specs: list[TrialSpec], options: MugHangOptions, console: Console
 ) -> None:
     """Run the trials, and log each as it ends."""
-    pool = WorkerPool(run_trial, workers, crashed_trial)
+    pool = WorkerPool(run_trial, options.workers, crashed_trial, limit_s=options.limit_s)
     run.collect(
         pool.run(specs),
         len(specs),
@@ -177,28 +189,46 @@ def _failure(record: TrialRecord) -> str:
 
 
 def main(options: MugHangOptions) -> Path:
-    """Run what is missing of the trials, report, and return the folder."""
+    """Run what is missing of the trials, report, and return the folder.
+
+    Trials that ended in an error are tried again.  Raises NoResultsError where all of them did.
+    """
     console = Console()
     started = time.monotonic()
     folder = options.out or Path("runs/mug_hang") / datetime.now().strftime("%Y%m%d-%H%M%S")
     config, run = run_config(options), trial_run(folder)
-    run.claim(config, FREE_KEYS)
-    before_s = earlier_wall_s(folder)
-    specs = specs_of(options, folder, {record.index for record in run.records()})
-    source = MugSource(options.mugs)
-    if specs and source.folder is not None:
-        check_mugs(
-            source, folder, options.detector == "oracle", specs[0].station, options.workers, console
-        )
-    try:
-        run_missing(run, specs, options.workers, console)
-    finally:
-        asked = [record for record in run.records() if record.index < options.trials]
-        asked.sort(key=lambda record: record.index)
-        write_report(folder, asked, config, before_s + time.monotonic() - started)
+    require_working_detector(options.detector, options.checkpoint, find_subgoal(options.task))
+    with run.claim(config, FREE_KEYS, again=lambda record: record.failed_to_run):
+        before_s = earlier_wall_s(folder)
+        specs = specs_of(options, folder, {record.index for record in run.records()})
+        if specs:
+            require_working_mugs(options, folder, specs[0], console)
+        try:
+            run_missing(run, specs, options, console)
+        finally:
+            run.require_unchanged()
+            asked = asked_records(options, run.records())
+            write_report(folder, asked, config, before_s + time.monotonic() - started)
     print_report(console, asked, run_title(config))
     console.print(f"results: {folder / 'index.html'}")
+    errors = [record.reason for record in asked if record.failed_to_run]
+    require_results(errors, len(asked), folder)
     return folder
+
+
+def require_working_mugs(
+    options: MugHangOptions, folder: Path, spec: TrialSpec, console: Console
+) -> None:
+    """Check the user's own mugs, where the run is of such."""
+    source, with_grasps = MugSource(options.mugs), options.detector == "oracle"
+    if source.folder is not None:
+        check_mugs(source, folder, with_grasps, spec.station, options.workers, console)
+
+
+def asked_records(options: MugHangOptions, records: Sequence[TrialRecord]) -> list[TrialRecord]:
+    """Return the records that the options ask for, by their numbers."""
+    asked = [record for record in records if record.index < options.trials]
+    return sorted(asked, key=lambda record: record.index)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,9 @@
 
 Nothing is simulated.  Every plan is checked by `planning.checking.checked_planner`: that it does
 what its problem asks for, and touches nothing but what it declares.  One that is refused does not
-count as solved.  There is no limit of time; a planner keeps its own.  Problems are refused up front
-where `planning/checking/goals` has no file that says where plans to their subgoal must end.
+count as solved.  A planner keeps its own limit of time; --limit-s ends one that hangs.
+Problems are refused up front where `planning/checking/goals` has no file that says where plans to
+their subgoal must end.
 
 The output folder holds config.json, results.jsonl (a line for each problem and planner as it
 arises) and summary.json.  The same --out goes on where an interrupted run stopped.  The report is
@@ -31,10 +32,11 @@ from scenarios.bench.records import (
     run_task,
 )
 from scenarios.bench.report import print_bench, write_bench_summary
+from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
-from split_drake.experiments.run import as_json
+from split_drake.experiments.run import as_json, require_results
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,7 @@ class BenchOptions:
         seed: with the problem's number in the file, of all planners: they draw alike on one
             problem, and otherwise on the next.
         workers: processes; more than one disturbs the times.
+        limit_s: a planner that takes longer on a problem is ended, and recorded as an error.
         out: folder of the results; runs/planner_bench/<time> where not given.
     """
 
@@ -56,9 +59,13 @@ class BenchOptions:
     limit: int | None = None
     seed: int = 0
     workers: int = 1
+    limit_s: float = 1800.0
     out: Path | None = None
 
     def __post_init__(self) -> None:
+        require_numbers(self)
+        if not self.limit_s > 0.0:
+            raise ValueError(f"--limit-s is {self.limit_s}; expected seconds > 0")
         known = planner_names()
         unknown = [name for name in self.planner if name not in known]
         if unknown or not self.planner:
@@ -74,7 +81,7 @@ class BenchOptions:
 
 
 # What may differ when a bench goes on: it changes no plan, and no time.
-_FREE_KEYS = ("planner", "limit", "out", "problems")
+_FREE_KEYS = ("planner", "limit", "limit_s", "out", "problems")
 
 
 def bench_config(options: BenchOptions) -> dict[str, Any]:
@@ -130,14 +137,16 @@ def main(options: BenchOptions) -> Path:
     folder = options.out or Path("runs/planner_bench") / datetime.now().strftime("%Y%m%d-%H%M%S")
     subgoals = subgoals_of(options)
     config, run = bench_config(options), bench_run(folder)
-    run.claim(config, _FREE_KEYS)
-    tasks = missing_tasks(options, subgoals, run.records())
-    pool = WorkerPool(run_task, options.workers, crashed_task)
-    run.collect(pool.run(tasks), len(tasks), console)
-    asked = [r for r in run.records() if r.problem in subgoals and r.planner in options.planner]
-    write_bench_summary(folder / "summary.json", asked, options.planner, config)
+    with run.claim(config, _FREE_KEYS, again=lambda record: record.failed_to_run):
+        tasks = missing_tasks(options, subgoals, run.records())
+        pool = WorkerPool(run_task, options.workers, crashed_task, limit_s=options.limit_s)
+        run.collect(pool.run(tasks), len(tasks), console)
+        asked = [r for r in run.records() if r.problem in subgoals and r.planner in options.planner]
+        write_bench_summary(folder / "summary.json", asked, options.planner, config)
     print_bench(console, asked, options.planner)
     console.print(f"results: {folder}")
+    errors = [record.reason for record in asked if record.failed_to_run]
+    require_results(errors, len(asked), folder)
     return folder
 
 

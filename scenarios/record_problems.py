@@ -7,7 +7,6 @@ problems of one seed share their scene, but where a start serves one task and no
 `scenarios.planner_bench` runs planners on the file.
 """
 
-import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,15 +25,19 @@ from scenarios.trials.mug_tasks import MUG_TASK_NAMES, MugTaskName
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.setup import TrialGenerators, set_up
 from scenarios.trials.spec import TrialSpec
+from split_drake.bad_input import require_number, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.pose_task import GRASP
-from split_drake.scene import EmptySceneError
+from split_drake.scene import MAX_NOISE_M, EmptySceneError
 from split_drake.truth.starts import NoStartError
 
 # Poses kept of each pose set, best first.
 MAX_POSES, MAX_OTHERS = {GRASP.name: 128}, 32
+
+# A problem takes seconds.
+_LIMIT_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,7 @@ class RecordOptions:
     out: Path = Path("runs/problems/mugs.npz")
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if self.count < 1:
             raise ValueError(f"--count is {self.count}; expected at least 1")
         if not self.tasks or not self.detectors:
@@ -74,8 +78,9 @@ class RecordOptions:
                 raise ValueError(f"--{name} names one twice: {list(named)}")
         if self.seed < 0:
             raise ValueError(f"--seed is {self.seed}; expected 0 or more")
-        if not 0.0 <= self.noise_m < math.inf:
-            raise ValueError(f"--noise-m is {self.noise_m}; expected metres >= 0")
+        require_number(
+            "--noise-m", self.noise_m, 0.0, MAX_NOISE_M, "a standard deviation in metres"
+        )
         if self.workers < 1:
             raise ValueError(f"--workers is {self.workers}; expected at least 1")
 
@@ -136,13 +141,13 @@ def record_problem(spec: TrialSpec) -> Recorded:
     return Recorded(spec.index, name, compact(problem, MAX_POSES, MAX_OTHERS))
 
 
-def _crashed(spec: TrialSpec) -> Recorded:
-    return Recorded(spec.index, f"seed {spec.seed}", None, "the worker process died")
+def _crashed(spec: TrialSpec, reason: str) -> Recorded:
+    return Recorded(spec.index, f"seed {spec.seed}", None, reason)
 
 
 def record(specs: Sequence[TrialSpec], workers: int, console: Console) -> list[Recorded]:
     """Return what became of all starts, in their order."""
-    pool = WorkerPool(record_problem, workers, _crashed)
+    pool = WorkerPool(record_problem, workers, _crashed, limit_s=_LIMIT_S)
     found = track(pool.run(specs), "recording", total=len(specs), console=console)
     return sorted(found, key=lambda recorded: recorded.index)
 

@@ -14,6 +14,7 @@ import numpy as np
 import tyro
 
 from scenarios.viewing.pose_drawing import ColoredSegments, score_bands
+from split_drake.bad_input import require_count
 from split_drake.experiments.command import run_command
 from split_drake.files import write_atomically
 from split_drake.pose_set import PoseSets, load_pose_sets
@@ -37,6 +38,9 @@ class ViewOptions:
     out: Path | None = None
     best: int = 50
     open: bool = False
+
+    def __post_init__(self) -> None:
+        require_count("best", self.best)
 
 
 def _hex(color: tuple[float, float, float]) -> int:

@@ -1,11 +1,105 @@
-"""Files that are never half written."""
+"""Files that are never half written, and whose readers say which file cannot be used, and why."""
 
 import json
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+
+from split_drake.bad_input import BadInputError
+
+Arrays = dict[str, np.ndarray]
+
+
+class UnreadableFileError(BadInputError):
+    """A file is damaged, or holds something else than was expected."""
+
+
+class MissingFileError(BadInputError, FileNotFoundError):
+    """There is no such file."""
+
+
+def read_npz(path: Path | str, what: str, required: Sequence[str] = ()) -> Arrays:
+    """Return {name: array} of an npz; nothing in it is ever unpickled.
+
+    Args:
+        path: of the file.
+        what: the file should be, for the message: "a file of pose sets".
+        required: names that it must have.
+
+    Raises MissingFileError, and UnreadableFileError where it is damaged, no npz, holds pickled
+    objects or lacks a name.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise MissingFileError(f"there is no file {path}; expected {what}")
+    # NumPy, zipfile and zlib raise errors of a dozen kinds where bytes are damaged.
+    with _whatever_fails(path, what, Exception), np.load(path, allow_pickle=False) as archive:
+        if not isinstance(archive, np.lib.npyio.NpzFile):
+            raise TypeError("it holds a single array")
+        arrays = {name: np.asarray(archive[name]) for name in archive.files}
+    if missing := [name for name in required if name not in arrays]:
+        raise UnreadableFileError(
+            f"{path} holds {', '.join(sorted(arrays)) or 'nothing'}, but no {missing[0]!r}; "
+            f"expected {what}"
+        )
+    return arrays
+
+
+def read_json(path: Path | str, what: str) -> Any:
+    """Return what a JSON file holds; see `read_npz` for `what` and the errors."""
+    path = Path(path)
+    if not path.is_file():
+        raise MissingFileError(f"there is no file {path}; expected {what}")
+    with _whatever_fails(path, what, OSError, ValueError, RecursionError):
+        return json.loads(path.read_bytes())
+
+
+def read_json_object(path: Path | str, what: str) -> dict[str, Any]:
+    """Return the object that a JSON file holds; see `read_npz` for `what` and the errors."""
+    content = read_json(path, what)
+    if not isinstance(content, dict):
+        raise UnreadableFileError(
+            f"{path} holds {json.dumps(content)[:_SHOWN]}, no object; expected {what}"
+        )
+    return content
+
+
+def split_rows(rows: np.ndarray, counts: np.ndarray, name: str) -> list[np.ndarray]:
+    """Return `rows` (M, ...) in pieces of so many each; ValueError where they are not M in all."""
+    if counts.ndim != 1 or counts.dtype.kind not in "iu" or (counts < 0).any():
+        raise ValueError(f"the counts of {name} are {counts!r:.80}; expected whole numbers")
+    if rows.ndim < 1 or int(counts.sum()) != len(rows):
+        raise ValueError(f"{name} has shape {rows.shape}; its counts say {int(counts.sum())} rows")
+    return np.split(rows, np.cumsum(counts)[:-1]) if len(counts) else []
+
+
+@contextmanager
+def interpreting(path: Path | str, what: str) -> Iterator[None]:
+    """Turn what goes wrong with a file's content into UnreadableFileError.
+
+    Bad input that is told already stays as it is.
+    """
+    with _whatever_fails(path, what, LookupError, TypeError, ValueError, ArithmeticError):
+        yield
+
+
+@contextmanager
+def _whatever_fails(path: Path | str, what: str, *kinds: type[Exception]) -> Iterator[None]:
+    try:
+        yield
+    except BadInputError:
+        raise
+    except kinds as error:
+        told = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        told = told.splitlines()[0] if told else type(error).__name__
+        raise UnreadableFileError(f"{path} is damaged or not {what}: {told}") from error
+
+
+_SHOWN = 40
 
 
 @contextmanager

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from split_drake.files import replacing
+from split_drake.bad_input import BadInputError
+from split_drake.files import Arrays, UnreadableFileError, interpreting, read_npz, replacing
 from split_drake.pose_task import MUG_TASKS, PoseTask
 from split_drake.poses import Array, check_poses, rounded_poses
 
@@ -37,7 +38,10 @@ class PoseSet:
     scores: Array
 
     def __post_init__(self) -> None:
-        poses = check_poses(np.reshape(self.X_WPs, (-1, 4, 4)), f"X_WPs of {self.task}")
+        given = np.asarray(self.X_WPs, dtype=float)
+        if not given.size:
+            given = np.empty((0, 4, 4))
+        poses = check_poses(given, f"X_WPs of {self.task}").reshape(-1, 4, 4)
         scores = np.asarray(self.scores, dtype=float)
         if scores.shape != (len(poses),):
             raise ValueError(f"scores have shape {scores.shape}; expected ({len(poses)},)")
@@ -55,25 +59,43 @@ class PoseSet:
 
     @classmethod
     def ranked(cls, task: PoseTask, X_WPs: Array, scores: Array) -> Self:
-        """Return the set with its poses sorted, best first."""
-        order = np.argsort(-np.asarray(scores), kind="stable")
-        return cls(task, np.asarray(X_WPs)[order], np.asarray(scores)[order])
+        """Return the set with its poses (N, 4, 4) and scores (N,) sorted, best first.
+
+        Raises BadInputError where there are not as many scores as poses.
+        """
+        poses, values = np.asarray(X_WPs), np.asarray(scores, dtype=float)
+        if values.shape != (len(poses),):
+            raise BadInputError(
+                f"{len(poses)} poses of {task} have scores of shape {values.shape}; expected "
+                f"({len(poses)},), a score for each pose"
+            )
+        order = np.argsort(-values, kind="stable")
+        return cls(task, poses[order], values[order])
 
     def __len__(self) -> int:
         return len(self.scores)
 
     def head(self, count: int) -> Self:
         """Return the best `count` poses (all of them where there are fewer)."""
+        if count < 0:
+            raise BadInputError(f"count is {count}; expected how many poses to keep, 0 or more")
         return type(self)(self.task, self.X_WPs[:count], self.scores[:count])
 
     def subset(self, kept: NDArray[np.bool_]) -> Self:
-        """Return the poses that `kept` (N,) marks."""
+        """Return the poses that `kept` (N,), booleans, marks."""
+        if np.asarray(kept).dtype != bool or np.shape(kept) != (len(self),):
+            raise BadInputError(
+                f"kept has shape {np.shape(kept)} and type {np.asarray(kept).dtype}; expected "
+                f"({len(self)},) booleans, one for each pose"
+            )
         return type(self)(self.task, self.X_WPs[kept], self.scores[kept])
 
     def moved(self, X_WMoved: Array) -> Self:
         """Return the set after everything has moved by X_WMoved (4, 4), given in W."""
         return type(self)(self.task, X_WMoved @ self.X_WPs, self.scores)
 
+
+_WHAT = "a file of pose sets: 'cloud' and '<task>/X_WPs', '<task>/scores'"
 
 # By the names of their tasks.
 PoseSets = Mapping[str, PoseSet]
@@ -143,16 +165,17 @@ def save_pose_sets(path: Path, pose_sets: PoseSets, p_WPs: Array) -> None:
     """Write pose sets and the cloud `p_WPs` (N, 3) they were found in to an npz, atomically.
 
     Each is written by its own task's name, whatever its key.  Raises ValueError where two are of
-    tasks of one name.
+    tasks of one name, or where the cloud is none.
     """
     tasks = [asdict(pose_set.task) for pose_set in pose_sets.values()]
     names = [pose_set.task.name for pose_set in pose_sets.values()]
     if len(set(names)) < len(names):
         raise ValueError(f"pose sets are of the tasks {', '.join(names)}; expected one of each")
-    arrays: dict[str, np.ndarray] = {
+    arrays: Arrays = {
         "cloud": np.asarray(p_WPs, dtype=np.float32),
         "tasks": np.array(json.dumps(tasks)),
     }
+    _cloud_in(arrays)  # refuses what could not be loaded again
     for pose_set in pose_sets.values():
         arrays[f"{pose_set.task}/X_WPs"] = pose_set.X_WPs
         arrays[f"{pose_set.task}/scores"] = pose_set.scores
@@ -160,25 +183,42 @@ def save_pose_sets(path: Path, pose_sets: PoseSets, p_WPs: Array) -> None:
         np.savez_compressed(temporary, allow_pickle=False, **arrays)
 
 
-def load_pose_sets(path: Path) -> tuple[dict[str, PoseSet], Array]:
+def load_pose_sets(path: Path | str) -> tuple[dict[str, PoseSet], Array]:
     """Return ({task name: PoseSet}, cloud (N, 3)) as written by `save_pose_sets`.
 
-    Raises ValueError where the file is no pose-set archive, or lacks poses of a task that it lists.
+    Raises MissingFileError, and UnreadableFileError where the file is damaged or no pose-set
+    archive, lacks poses of a task that it lists, or holds what is no pose, score or point.
     """
-    with np.load(path, allow_pickle=False) as archive:
-        arrays = {name: archive[name] for name in archive.files}
-    if "cloud" not in arrays:
-        raise ValueError(f"{path} holds {sorted(arrays)}; expected 'cloud' and '<task>/X_WPs'")
-    sets = {}
-    for task in _tasks_in(arrays):
-        names = f"{task}/X_WPs", f"{task}/scores"
-        if missing := [name for name in names if name not in arrays]:
-            raise ValueError(f"{path} lists the task {task}, but has no {' and no '.join(missing)}")
-        sets[task.name] = PoseSet(task, *(arrays[name] for name in names))
-    return sets, arrays["cloud"].astype(float)
+    arrays = read_npz(path, _WHAT, required=("cloud",))
+    with interpreting(path, _WHAT):
+        sets = {task.name: _set_in(arrays, task, path) for task in _tasks_in(arrays)}
+        return sets, _cloud_in(arrays)
 
 
-def _tasks_in(arrays: Mapping[str, np.ndarray]) -> Sequence[PoseTask]:
+def _set_in(arrays: Arrays, task: PoseTask, path: Path | str) -> PoseSet:
+    names = f"{task}/X_WPs", f"{task}/scores"
+    if missing := [name for name in names if name not in arrays]:
+        raise UnreadableFileError(
+            f"{path} lists the task {task}, but has no {' and no '.join(missing)}"
+        )
+    poses, scores = (arrays[name] for name in names)
+    if poses.shape != (len(poses), 4, 4):
+        raise ValueError(f"{names[0]} has shape {poses.shape}; expected (N, 4, 4)")
+    return PoseSet(task, poses, scores)
+
+
+def _cloud_in(arrays: Arrays) -> Array:
+    cloud = arrays["cloud"]
+    if cloud.ndim != 2 or cloud.shape[1] != 3 or cloud.dtype.kind not in "fiu":
+        raise ValueError(
+            f"cloud has shape {cloud.shape} and type {cloud.dtype}; expected (N, 3) numbers"
+        )
+    if not np.isfinite(cloud).all():
+        raise ValueError("cloud holds NaN or infinite values; expected points in metres")
+    return cloud.astype(float)
+
+
+def _tasks_in(arrays: Arrays) -> Sequence[PoseTask]:
     """Return the tasks of an archive; those of mugs that it has where it is too old to say."""
     if "tasks" not in arrays:
         return [task for task in MUG_TASKS if f"{task}/X_WPs" in arrays]

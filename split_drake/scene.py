@@ -9,9 +9,12 @@ import fpsample
 import numpy as np
 from numpy.typing import NDArray
 
-from split_drake.bad_input import BadInputError
+from split_drake.bad_input import BadInputError, require_number, require_numbers
 from split_drake.camera import DepthView
 from split_drake.poses import Array
+
+# Of points that any depth camera measures; more was given in millimetres.
+MAX_NOISE_M = 0.1
 
 
 class EmptySceneError(BadInputError):
@@ -33,6 +36,17 @@ class Workspace:
     edge_m: float = 0.3
     depth_below_m: float = 0.05
     table_clearance_m: float = 0.004
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
+        if len(self.p_WCenter) != 3:
+            raise BadInputError(f"p_WCenter is {self.p_WCenter}; expected three metres")
+        if not 0.0 <= self.depth_below_m + self.table_clearance_m < self.edge_m:
+            raise BadInputError(
+                f"edge_m is {self.edge_m}, depth_below_m {self.depth_below_m} and "
+                f"table_clearance_m {self.table_clearance_m}; expected a cube that reaches from "
+                "below the table to above the clearance"
+            )
 
     @classmethod
     def from_fields(cls, fields: Mapping[str, Any]) -> Self:
@@ -117,8 +131,7 @@ class Scene:
 
     def with_noise(self, noise_m: float, rng: np.random.Generator) -> "Scene":
         """Return the scene with N(0, noise_m^2) added to the sampled points (paper section V)."""
-        if noise_m < 0.0:
-            raise ValueError(f"noise_m is {noise_m}; expected a standard deviation >= 0 in metres")
+        require_number("noise_m", noise_m, 0.0, MAX_NOISE_M, "a standard deviation in metres")
         return replace(self, p_WSs=self.p_WSs + rng.normal(0.0, noise_m, self.p_WSs.shape))
 
     @cached_property

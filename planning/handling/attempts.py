@@ -7,6 +7,7 @@ from planning.execution.executor import ExecutionResult
 from planning.handling.held_view import HeldView
 from planning.problem import Plan, PlanFailure, Stage
 from planning.subgoal import Subgoal
+from split_drake.bad_input import require_numbers
 from split_drake.pose_set import PoseSets
 from split_drake.scene import Scene
 
@@ -40,6 +41,7 @@ class AttemptLimits:
         return cls(picks=1, placements=1, looks=1, ways_out=0, held_views=False)
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         leasts = {"picks": 1, "placements": 1, "firsts": 0, "looks": 1, "ways_out": 0}
         for name, least in leasts.items():
             if getattr(self, name) < least:

@@ -25,7 +25,13 @@ from pydrake.symbolic import Expression, MakeVectorVariable
 
 from models import MODELS_FOLDER
 from planning.collision.world import CollisionWorld
-from split_drake.files import replacing
+from split_drake.files import (
+    UnreadableFileError,
+    interpreting,
+    read_npz,
+    replacing,
+    split_rows,
+)
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_OPENING_M
 from split_drake.robot.kinematics import LIMIT_MARGIN_RAD
@@ -35,6 +41,7 @@ from split_drake.station.layout_file import layout_from_json, layout_to_json
 
 SHIPPED_REGIONS = MODELS_FOLDER / "regions" / "station.npz"
 FORMAT = 1
+_WHAT = "a file of regions"
 # At most this share of a region's volume is in collision, but for a chance of 5%.
 COLLIDING_SHARE = 0.01
 PARTICLES = 500
@@ -139,14 +146,22 @@ def save_regions(path: Path, regions: Regions) -> None:
 def load_regions(path: Path = SHIPPED_REGIONS) -> Regions:
     """Return regions as written by `save_regions`.
 
-    Raises ValueError where the file is of another format.
+    Raises MissingFileError, and UnreadableFileError where the file is damaged or of another format.
     """
-    with np.load(path, allow_pickle=False) as archive:
-        found = archive.get("format")
-        if found != FORMAT:
-            raise ValueError(f"{path} has format {found}; expected {FORMAT}")
-        ends = np.cumsum(archive["faces"])[:-1]
-        pieces = zip(np.split(archive["A"], ends), np.split(archive["b"], ends), strict=True)
-        polytopes = tuple(HPolyhedron(A, b) for A, b in pieces)
-        edges = tuple((int(i), int(j)) for i, j in archive["edges"])
-        return Regions(layout_from_json(str(archive["layout"])), polytopes, edges)
+    arrays = read_npz(path, _WHAT)
+    if (found := arrays.get("format", np.array(None)).tolist()) != FORMAT:
+        raise UnreadableFileError(f"{path} has format {found}; expected {FORMAT}")
+    with interpreting(path, _WHAT):
+        As, bs = (split_rows(arrays[key], arrays["faces"], key) for key in ("A", "b"))
+        polytopes = tuple(_polytope(A, b) for A, b in zip(As, bs, strict=True))
+        edges = tuple((int(i), int(j)) for i, j in arrays["edges"])
+        if not all(0 <= number < len(polytopes) for edge in edges for number in edge):
+            raise ValueError(f"an edge leads to none of the {len(polytopes)} regions")
+        return Regions(layout_from_json(str(arrays["layout"])), polytopes, edges)
+
+
+def _polytope(A: Array, b: Array) -> HPolyhedron:
+    """Return {q: A q <= b}; ValueError where that is no set of arm configurations."""
+    if A.ndim != 2 or A.shape[1] != 7 or not (np.isfinite(A).all() and np.isfinite(b).all()):
+        raise ValueError(f"faces have shape {A.shape}; expected (F, 7) finite numbers")
+    return HPolyhedron(A, b)

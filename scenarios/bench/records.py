@@ -17,6 +17,7 @@ from planning.planner import Planner, make_planner
 from planning.problem import Plan, PlanFailure, PlanningProblem
 from planning.problem_files import load_problems
 from scenarios.bench.plan_measures import PlanMeasures, PlanMeter
+from split_drake.experiments.pool import WORKER_DIED
 from split_drake.experiments.run import RunFolder
 from split_drake.station.layout_file import layout_from_json, layout_to_json
 
@@ -59,6 +60,11 @@ class BenchRecord:
     def solved(self) -> bool:
         return self.outcome == SOLVED
 
+    @property
+    def failed_to_run(self) -> bool:
+        """Whether an error, a crash or the limit of time ended it: it is tried again."""
+        return self.outcome == ERROR
+
     @classmethod
     def from_fields(cls, fields: Mapping[str, Any]) -> Self:
         measures = fields["measures"]
@@ -97,9 +103,8 @@ def run_task(task: BenchTask) -> BenchRecord:
     return run_planner(make, task.planner, problem, task.problem, task.seed)
 
 
-def crashed_task(task: BenchTask) -> BenchRecord:
-    """Return the record of a task whose process died."""
-    reason = "the worker process died"
+def crashed_task(task: BenchTask, reason: str = WORKER_DIED) -> BenchRecord:
+    """Return the record of a task whose process died, or was killed."""
     return BenchRecord(task.problem, task.planner, ERROR, reason, None, None, subgoal=task.subgoal)
 
 

@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from split_drake.experiments.pool import WORKER_DIED
 from split_drake.experiments.run import RunFolder
 
 # How a round may end: see `rounds`.
@@ -17,7 +18,9 @@ NO_PLAN = "no grasp that was found can be planned"
 TWO_FAILURES = "two grasps in a row failed"
 LOST_ARM = "the arm found no way home"
 BROKEN = "the simulation failed"
-CRASHED = "the worker process died"
+CRASHED = WORKER_DIED
+TOO_LONG = "it took too long"
+ERROR = "an error"
 
 BOOTSTRAP_DRAWS = 10_000
 
@@ -82,6 +85,11 @@ class RoundRecord:
             for grasp in fields["grasps"]
         ]
         return cls(**{**fields, "objects": tuple(fields["objects"]), "grasps": tuple(grasps)})
+
+    @property
+    def failed_to_run(self) -> bool:
+        """Whether an error, a crash or the limit of time ended it: it is tried again."""
+        return self.ended in (CRASHED, TOO_LONG, ERROR)
 
     @property
     def successes(self) -> int:

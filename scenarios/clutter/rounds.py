@@ -22,15 +22,18 @@ from scenarios.clutter.records import (
     BROKEN,
     CRASHED,
     EMPTIED,
+    ERROR,
     LOST_ARM,
     NO_GRASP,
     NO_PLAN,
+    TOO_LONG,
     TWO_FAILURES,
     GraspRecord,
     RoundRecord,
 )
 from scenarios.clutter.spec import RoundSpec, draw_start, drawn_objects
 from scenarios.viewing.recording import FRAMES_PER_SECOND, Recorder, Viewpoint, freeing_recorders
+from split_drake.experiments.pool import WORKER_DIED
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP
 from split_drake.scene import EmptySceneError, Scene
@@ -58,9 +61,10 @@ def run_round(spec: RoundSpec) -> RoundRecord:
     return replace(record, wall_s=time.monotonic() - started_s)
 
 
-def crashed_round(spec: RoundSpec) -> RoundRecord:
-    """Return the record of a round whose process died."""
-    return RoundRecord(spec.seed, spec.index, (), (), CRASHED)
+def crashed_round(spec: RoundSpec, reason: str = WORKER_DIED) -> RoundRecord:
+    """Return the record of a round whose process died, or was killed."""
+    ended = CRASHED if reason == WORKER_DIED else TOO_LONG
+    return RoundRecord(spec.seed, spec.index, (), (), ended, "" if ended == CRASHED else reason)
 
 
 @lru_cache(maxsize=1)
@@ -91,6 +95,8 @@ class ClutterRound:
             ended, detail = LOST_ARM, str(error)
         except RuntimeError as error:  # Drake's contact solver
             ended, detail = BROKEN, str(error).partition("\n")[0]
+        except Exception as error:
+            ended, detail = ERROR, f"{type(error).__name__}: {error}".partition("\n")[0]
         spec, grasps = self._spec, tuple(self._grasps)
         record = RoundRecord(spec.seed, spec.index, self._names, grasps, ended, detail)
         return replace(record, recording=self._save_recording(record))

@@ -21,6 +21,7 @@ from scenarios.clutter.observation import observe, side_camera
 from scenarios.clutter.spec import SceneKind, draw_start, drawn_objects
 from scenarios.clutter_removal import ClutterOptions, missing_rounds
 from scenarios.viewing.pose_drawing import score_bands
+from split_drake.bad_input import require_numbers
 from split_drake.camera import Intrinsics, look_at, project
 from split_drake.experiments.command import run_command
 from split_drake.grasps.sampling import spread_evenly
@@ -53,6 +54,7 @@ class PictureOptions:
     shown: int = 16
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if not self.checkpoint.is_file():
             raise ValueError(f"--checkpoint: there is no file {self.checkpoint}")
         if self.seed < 0:

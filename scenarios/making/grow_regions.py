@@ -19,6 +19,7 @@ from planning.planner import make_planner
 from planning.problem import Plan, PlanningProblem
 from planning.problem_files import SHIPPED_PROBLEMS, load_problems
 from scenarios.bench.plan_measures import FREE_SEGMENTS
+from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_OPENING_M
@@ -45,6 +46,7 @@ class GrowOptions:
     out: Path = SHIPPED_REGIONS
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         for name in ("plans", "max_regions"):
             if getattr(self, name) < 1:
                 raise ValueError(f"--{name} is {getattr(self, name)}; expected at least 1")
@@ -59,13 +61,13 @@ def turning_points(plan: Plan) -> Array:
 def load_station_problems(path: Path) -> list[PlanningProblem]:
     """Return the problems of a file.
 
-    Raises ValueError where table or hook of one stand elsewhere than in `Layout()`: the regions
+    Raises BadInputError where table or hook of one stand elsewhere than in `Layout()`: the regions
     would be of a station that is no longer there, and the planner would refuse to use them.
     """
     problems = load_problems(path)
     for name, problem in problems.items():
         if not same_fixtures(problem.layout, Layout()):
-            raise ValueError(
+            raise BadInputError(
                 f"{path}: table or hook of problem {name!r} are not those of Layout(); record "
                 "problems of this station with scenarios.record_problems and name them by "
                 "--problems"

@@ -13,7 +13,9 @@ import tyro
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
+from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
+from split_drake.files import MissingFileError
 
 # Software rendering, and no connection to anywhere.
 _BROWSER_FLAGS = (
@@ -44,6 +46,7 @@ class PictureOptions:
     size_px: tuple[int, int] = (480, 420)
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if not self.moments or min(self.moments) < 0.0 or max(self.moments) > 1.0:
             raise ValueError(f"moments are {self.moments}; expected numbers from 0 to 1")
         if not self.recording.is_file():
@@ -62,10 +65,10 @@ def _capture(page: Page, moment: float) -> Image.Image:
 
 
 def capture_moments(options: PictureOptions) -> list[Image.Image]:
-    """Return the pictures of the moments; raise FileNotFoundError without Chromium."""
+    """Return the pictures of the moments; raise MissingFileError without Chromium."""
     chromium = shutil.which("chromium")
     if chromium is None:
-        raise FileNotFoundError("there is no chromium; run: sudo apt-get install -y chromium")
+        raise MissingFileError("there is no chromium; run: sudo apt-get install -y chromium")
     width, height = options.size_px
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=list(_BROWSER_FLAGS))

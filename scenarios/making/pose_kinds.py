@@ -13,6 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from scenarios.viewing.pose_drawing import pose_segments
+from split_drake.bad_input import require_numbers
 from split_drake.camera import Intrinsics, look_at, project
 from split_drake.experiments.command import run_command
 from split_drake.grasps.judge import feasible
@@ -56,6 +57,9 @@ class PictureOptions:
     out: Path
     mug: str = "test_004"
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
 
 
 def true_poses(mug: MugShape, X_WO: Array, seed: int) -> Iterator[tuple[PoseTask, Array]]:

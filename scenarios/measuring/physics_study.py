@@ -12,6 +12,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -24,12 +25,17 @@ from scenarios.study.trials import (
     run_study_trial,
     study_run,
 )
+from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version
+from split_drake.experiments.run import require_results
 from split_drake.station.config import StationConfig
+from split_drake.station.egl import check_rendering
 from split_drake.station.layout import Layout
 
+# A trial takes a minute.
+_LIMIT_S = 1800.0
 _FREE_KEYS = ("out", "trials", "factors", "workers")
 
 
@@ -54,6 +60,7 @@ class StudyOptions:
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if self.trials < 1:
             raise ValueError(f"--trials is {self.trials}; expected at least 1")
         if self.seed < 0:
@@ -62,6 +69,11 @@ class StudyOptions:
             raise ValueError(f"--hold-s is {self.hold_s}; expected seconds > 0")
         if self.workers < 1:
             raise ValueError(f"--workers is {self.workers}; expected at least 1")
+
+
+def study_config(options: StudyOptions) -> dict[str, Any]:
+    """Return the content of config.json."""
+    return {**asdict(options), **code_version()}
 
 
 def missing_trials(
@@ -81,14 +93,19 @@ def main(options: StudyOptions) -> None:
     """Run what is missing of the study, and report."""
     console = Console()
     run, cells = study_run(options.out), study_cells(StationConfig(Layout()), options.factors)
-    run.claim({**asdict(options), **code_version()}, _FREE_KEYS)
-    trials = missing_trials(options, cells, run.records())
-    pool = WorkerPool(run_study_trial, options.workers, crashed_study_trial)
-    run.collect(pool.run(trials), len(trials), console, describe=lambda found: found[-1].cell)
-    rows = study_rows(cells, [record for record in run.records() if record.index < options.trials])
-    write_study(options.out, rows)
+    if any(cell.kind == "hang" for cell in cells):
+        check_rendering()
+    with run.claim(study_config(options), _FREE_KEYS, again=lambda record: record.failed_to_run):
+        trials = missing_trials(options, cells, run.records())
+        pool = WorkerPool(run_study_trial, options.workers, crashed_study_trial, limit_s=_LIMIT_S)
+        run.collect(pool.run(trials), len(trials), console, describe=lambda found: found[-1].cell)
+        asked = [record for record in run.records() if record.index < options.trials]
+        rows = study_rows(cells, asked)
+        write_study(options.out, rows)
     print_study(console, rows)
     console.print(f"results: {options.out / 'study.md'}")
+    errors = [record.reason for record in asked if record.failed_to_run]
+    require_results(errors, len(asked), options.out)
 
 
 if __name__ == "__main__":

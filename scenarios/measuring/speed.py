@@ -4,7 +4,6 @@ Runs the same trials with one worker and with two, recordings included, and prin
 beside what the project promises.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,9 @@ from rich.table import Table
 
 from scenarios import mug_hang
 from scenarios.trials.records import TrialRecord, trial_run
+from split_drake.bad_input import BadInputError, require_count, require_numbers
 from split_drake.experiments.command import run_command
+from split_drake.files import interpreting, read_json_object
 
 GIB = 2.0**30
 
@@ -36,6 +37,10 @@ class SpeedOptions:
     trials: int = 40
     seed: int = 0
     detector: Literal["split", "oracle"] = "split"
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
+        require_count("trials", self.trials, 1)
 
 
 @dataclass(frozen=True)
@@ -64,15 +69,17 @@ def figures(
 ) -> list[Figure]:
     """Return the figures of the same trials run by one worker (`alone`) and by two (`both`).
 
-    Raises ValueError where they are not the same trials, or none was planned.
+    Raises BadInputError where they are not the same trials, or none was planned.
     """
     if [record.index for record in alone] != [record.index for record in both]:
-        raise ValueError(
+        raise BadInputError(
             f"{len(alone)} trials by one worker and {len(both)} by two; expected the same trials"
         )
     planned = [record for record in alone if "planning" in record.seconds]
     if not planned:
-        raise ValueError(f"none of {len(alone)} trials came as far as planning; nothing is timed")
+        raise BadInputError(
+            f"none of {len(alone)} trials came as far as planning; nothing is timed"
+        )
     executed_s = sum(r.seconds["execution"] + r.seconds["verdict"] for r in planned)
     simulated_s = sum(record.simulated_s for record in planned)
     planning_s = float(np.median([record.seconds["planning"] for record in planned]))
@@ -89,13 +96,13 @@ def figures(
 def timed_run(options: SpeedOptions, workers: int) -> tuple[list[TrialRecord], float]:
     """Return the records of a whole run, and the wall time it took, s.
 
-    Raises ValueError where the run was interrupted, its folder holds more trials than asked for, or
-    trials of a run that was killed, whose time nobody knows.
+    Raises BadInputError where the run was interrupted, its folder holds more trials than asked for,
+    or trials of a run that was killed, whose time nobody knows.
     """
     folder = options.out / f"{workers}_workers"
     before = len(trial_run(folder).records())
     if before and _timed_trials(folder) != before:
-        raise ValueError(
+        raise BadInputError(
             f"{folder} holds {before} trials, and the time of {_timed_trials(folder)}: the run was "
             "killed; choose another --out"
         )
@@ -110,22 +117,25 @@ def timed_run(options: SpeedOptions, workers: int) -> tuple[list[TrialRecord], f
     )
     records = trial_run(folder).records()
     if len(records) < options.trials:
-        raise ValueError(
+        raise BadInputError(
             f"{folder} holds {len(records)} of {options.trials} trials: the run was interrupted; "
             "the same command goes on from there"
         )
     if len(records) > options.trials:
-        raise ValueError(
+        raise BadInputError(
             f"{folder} holds {len(records)} trials, --trials is {options.trials}; expected as many "
             "as it holds, or another --out"
         )
-    return records, float(json.loads((folder / "summary.json").read_text())["wall_s"])
+    return records, mug_hang.earlier_wall_s(folder)
 
 
 def _timed_trials(folder: Path) -> int:
     """Return how many trials the run's wall time is that of."""
     path = folder / "summary.json"
-    return int(json.loads(path.read_text())["trials"]) if path.exists() else 0
+    if not path.exists():
+        return 0
+    with interpreting(path, what := "the summary of a run"):
+        return int(read_json_object(path, what)["trials"])
 
 
 def main(options: SpeedOptions) -> list[Figure]:

@@ -13,6 +13,7 @@ from scenarios.study.cells import Cell
 from scenarios.trials.records import SUCCESS
 from scenarios.trials.spec import TrialSpec
 from scenarios.trials.trial import run_trial
+from split_drake.experiments.pool import WORKER_DIED
 from split_drake.experiments.run import RunFolder
 from split_drake.grasps.free_hand import FreeHand
 from split_drake.grasps.store import load_checked_grasps
@@ -69,6 +70,11 @@ class StudyRecord:
     def succeeded(self) -> bool:
         return self.outcome == SUCCESS
 
+    @property
+    def failed_to_run(self) -> bool:
+        """Whether an error, a crash or the limit of time ended it: it is tried again."""
+        return self.outcome == Stage.ERROR
+
 
 def study_run(folder: Path) -> RunFolder[StudyRecord]:
     """Return the folder of a study, whose log is trials.jsonl."""
@@ -81,9 +87,9 @@ def run_study_trial(trial: StudyTrial) -> StudyRecord:
     return _hold(trial) if trial.cell.kind == "hold" else _hang(trial)
 
 
-def crashed_study_trial(trial: StudyTrial) -> StudyRecord:
-    """Return the record of a trial whose process died."""
-    return _record(trial, _mug_of(trial), Stage.ERROR, "the worker process died")
+def crashed_study_trial(trial: StudyTrial, reason: str = WORKER_DIED) -> StudyRecord:
+    """Return the record of a trial whose process died, or was killed."""
+    return _record(trial, _mug_of(trial), Stage.ERROR, reason)
 
 
 def _hang(trial: StudyTrial) -> StudyRecord:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from planning.subgoal import Subgoal
 from scenarios.trials.mug_check import read_grasps
 from scenarios.trials.pose_noise import NoisyDetector
 from scenarios.trials.setup import Setup
@@ -13,7 +14,9 @@ from scenarios.trials.spec import TrialSpec
 from split_drake.grasps.sampling import GraspLabels, sample_grasps
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.pose_set import PoseDetector
+from split_drake.pose_task import find_tasks
 from split_drake.station.config import StationConfig
+from split_drake.station.egl import check_rendering
 from split_drake.station.layout import Layout
 from split_drake.truth.oracle import OracleDetector
 
@@ -33,6 +36,21 @@ def make_detector(spec: TrialSpec, setup: Setup, wide: bool = False) -> PoseDete
         setup.truth, setup.mug, _grasp_labels(spec.mugs, setup.mug.name, spec.folder)
     )
     return NoisyDetector(oracle, spec.pose_noise) if spec.pose_noise else oracle
+
+
+def require_working_detector(detector: str, checkpoint: Path | None, task: Subgoal) -> None:
+    """Raise BadInputError where no trial could detect: no driver, a wrong checkpoint.
+
+    That is RenderingUnavailableError, CheckpointError, or UnknownTaskError where the checkpoint
+    lacks a task that is perceived.
+    """
+    check_rendering()
+    if detector == "split":
+        from split_drake.split.checkpoint import default_weights, load_checkpoint
+
+        path = checkpoint or default_weights()
+        _, info = load_checkpoint(path)
+        find_tasks(task.perceived_tasks, info.tasks, str(path))
 
 
 def station_of(detector: str, checkpoint: Path | None) -> StationConfig:

@@ -8,12 +8,15 @@ import numpy as np
 from rich.console import Console
 
 from split_drake.experiments.pool import WorkerPool
-from split_drake.files import replacing
+from split_drake.files import interpreting, read_npz, replacing
 from split_drake.grasps.sampling import SCANNED_WIDTH_M, GraspLabels, sample_grasps
 from split_drake.objects.mug_shape import InvalidMugError
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.station.config import StationConfig
 from split_drake.station.station import Station
+
+# A mug takes seconds.
+_CHECK_LIMIT_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,7 @@ def check_mugs(
     """
     names = source.names()
     checks = [MugCheck(source, name, folder, with_grasps, station) for name in names]
-    pool = WorkerPool(check_mug, workers, crashed_check)
+    pool = WorkerPool(check_mug, workers, crashed_check, limit_s=_CHECK_LIMIT_S)
     with console.status(f"checking {len(names)} mugs of {source.where}"):
         faults = sorted(fault for fault in pool.run(checks) if fault)
     if faults:
@@ -69,9 +72,9 @@ def check_mug(check: MugCheck) -> str:
     return ""
 
 
-def crashed_check(check: MugCheck) -> str:
-    """Return why a mug is refused whose check took its process down."""
-    return f"{check.name}: the process that loaded it died"
+def crashed_check(check: MugCheck, reason: str) -> str:
+    """Return why a mug is refused whose check took its process down, or too long."""
+    return f"{check.name}: while it was loaded, {reason}"
 
 
 def grasps_path(folder: Path, name: str) -> Path:
@@ -80,9 +83,11 @@ def grasps_path(folder: Path, name: str) -> Path:
 
 
 def read_grasps(folder: Path, name: str) -> GraspLabels:
-    """Return the true grasps that `check_mugs` wrote; raise FileNotFoundError without."""
-    with np.load(grasps_path(folder, name), allow_pickle=False) as archive:
-        return GraspLabels(**{key: archive[key] for key in _label_fields()})
+    """Return the true grasps that `check_mugs` wrote; raise MissingFileError without."""
+    path, what = grasps_path(folder, name), "the true grasps of a mug"
+    arrays = read_npz(path, what, required=_label_fields())
+    with interpreting(path, what):
+        return GraspLabels(**{key: arrays[key] for key in _label_fields()})
 
 
 def _write(path: Path, labels: GraspLabels) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from split_drake.bad_input import require_numbers
 from split_drake.pose_set import PoseDetector, PoseSet
 from split_drake.pose_task import PoseTask
 from split_drake.scene import Scene
@@ -26,6 +27,7 @@ class PoseNoise:
     turn_rad: float = 0.0
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         for name in ("shift_m", "turn_rad"):
             value = getattr(self, name)
             if not 0.0 <= value < np.inf:

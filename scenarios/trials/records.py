@@ -8,11 +8,13 @@ from typing import Any, Self
 
 import numpy as np
 
+from planning.problem import Stage
 from scenarios.trials.limit_log import Peaks, worst
 from split_drake.experiments.run import RunFolder
 from split_drake.experiments.statistics import Rate
 
 SUCCESS = "success"
+ERROR = str(Stage.ERROR)
 WIDE_MUG_M = 0.076  # wider bodies do not fit between the fingers
 
 
@@ -61,6 +63,11 @@ class TrialRecord:
     @property
     def succeeded(self) -> bool:
         return self.outcome == SUCCESS
+
+    @property
+    def failed_to_run(self) -> bool:
+        """Whether an error, a crash or the limit of time ended it: it is tried again."""
+        return self.outcome == ERROR
 
     @property
     def exceeded(self) -> tuple[str, ...]:

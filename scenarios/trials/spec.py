@@ -5,6 +5,7 @@ from pathlib import Path
 
 from planning.subgoal import Subgoal
 from scenarios.trials.pose_noise import PoseNoise
+from split_drake.bad_input import require_numbers
 from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.station.config import StationConfig
@@ -42,6 +43,9 @@ class TrialSpec:
     pose_noise: PoseNoise = field(default_factory=PoseNoise)
     feedback: bool = True
     check_plans: bool = False
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
 
     def mug_names(self) -> tuple[str, ...]:
         """Return the source's mugs from this trial's on, each once."""

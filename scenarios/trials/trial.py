@@ -22,6 +22,7 @@ from scenarios.trials.records import SUCCESS, TrialRecord
 from scenarios.trials.setup import TrialGenerators, planner_named, set_up
 from scenarios.trials.spec import TrialSpec
 from scenarios.viewing.recording import Recorder, freeing_recorders
+from split_drake.experiments.pool import WORKER_DIED
 from split_drake.experiments.provenance import peak_memory_bytes
 from split_drake.objects.mug_shape import MugShape
 from split_drake.pose_set import PoseSet, save_pose_sets
@@ -48,10 +49,10 @@ def _run_trial(spec: TrialSpec) -> TrialRecord:
         return _failed_trial(spec, mug, failure, traceback.format_exc())
 
 
-def crashed_trial(spec: TrialSpec) -> TrialRecord:
-    """Return the record of a trial whose process died."""
+def crashed_trial(spec: TrialSpec, reason: str = WORKER_DIED) -> TrialRecord:
+    """Return the record of a trial whose process died, or was killed."""
     mug = spec.load_mug(spec.mug_names()[0])
-    return _failed_trial(spec, mug, "the worker process died", None)
+    return _failed_trial(spec, mug, reason, None)
 
 
 def _failed_trial(spec: TrialSpec, mug: MugShape, reason: str, trace: str | None) -> TrialRecord:

@@ -25,7 +25,6 @@ redraws             ()               int32    scenes drawn again for want of tru
 13 kB a scene, and no more when compressed: the points fill their cells at random.
 """
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -39,7 +38,7 @@ from numpy.typing import NDArray
 
 from split_drake.bad_input import BadInputError
 from split_drake.experiments.provenance import file_sha256
-from split_drake.files import replacing
+from split_drake.files import interpreting, read_json_object, read_npz, replacing
 from split_drake.pose_task import PoseTask
 from split_drake.poses import Array
 from split_drake.scene import Workspace
@@ -152,12 +151,15 @@ class SceneDataset:
         where a shard is missing or has changed.
         """
         manifest = read_manifest(folder)
-        names = tuple(sorted(manifest["shards"]))
-        tasks = tuple(PoseTask.from_fields(fields) for fields in manifest["config"]["tasks"])
-        read = partial(_read_listed, folder, manifest["shards"], tasks, verify)
+        with interpreting(folder / MANIFEST, "the manifest of a dataset"):
+            hashes = {str(name): str(sha256) for name, sha256 in manifest["shards"].items()}
+            tasks = tuple(PoseTask.from_fields(fields) for fields in manifest["config"]["tasks"])
+            layout = layout_from_fields(manifest["config"]["layout"])
+            dataset_hash = str(manifest["sha256"])
+        names = tuple(sorted(hashes))
+        read = partial(_read_listed, folder, hashes, tasks, verify)
         with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as executor:
             shards = list(executor.map(read, names))
-        layout = layout_from_fields(manifest["config"]["layout"])
 
         def joined(key: str) -> np.ndarray:
             return np.concatenate([shard[key] for shard in shards])
@@ -174,7 +176,7 @@ class SceneDataset:
             labels={task.name: TaskLabels.of_shards(shards, task) for task in tasks},
             layout=layout,
             config=manifest["config"],
-            dataset_hash=manifest["sha256"],
+            dataset_hash=dataset_hash,
         )
 
 
@@ -213,8 +215,9 @@ def write_shard(path: Path, shard: Shard) -> None:
 def read_shard(path: Path, tasks: Sequence[PoseTask]) -> Shard:
     """Return the arrays of a shard with these tasks."""
     keys = [f"{task}/{array}" for task in tasks for array in LABEL_ARRAYS]
-    with np.load(path, allow_pickle=False) as archive:
-        return {key: archive[key] for key in (*SCENE_ARRAYS, *keys)}
+    wanted = (*SCENE_ARRAYS, *keys)
+    arrays = read_npz(path, "a shard of a dataset with these tasks", required=wanted)
+    return {key: arrays[key] for key in wanted}
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -222,11 +225,11 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     path = folder / MANIFEST
     if not path.is_file():
         raise DatasetError(f"{folder} has no {MANIFEST}: no dataset, or an unfinished one")
-    manifest = json.loads(path.read_text())
+    manifest = read_json_object(path, "the manifest of a dataset")
     version = manifest.get("format_version")
     if version != FORMAT_VERSION:
         raise DatasetError(f"{path} is of format {version!r}; expected {FORMAT_VERSION}")
-    return dict(manifest)
+    return manifest
 
 
 def _read_listed(

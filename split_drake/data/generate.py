@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 from rich.progress import track
 
+from split_drake.bad_input import require_numbers
 from split_drake.data.dataset import FORMAT_VERSION, MANIFEST, read_shard, write_shard
 from split_drake.data.grasp_candidates import GraspCandidates
 from split_drake.data.labels import FixedPoses, PoseLabels, PoseState
@@ -96,6 +97,9 @@ class DatasetRecipe:
     seed: int = 0
     made_from: Mapping[str, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        require_numbers(self)
+
     def config(self) -> dict[str, Any]:
         """Return all that the scenes depend on."""
         return {
@@ -133,6 +137,7 @@ class GenerateConfig:
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         for name in ("scenes_per_mug", "workers"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")
@@ -216,22 +221,26 @@ def generate(recipe: DatasetRecipe, out: Path, workers: int) -> None:
 
     Raises AnotherRunError where the folder holds scenes of another recipe.
     """
-    config = claim_folder(out, recipe.config())
     names = recipe.source.names()
-    missing = [name for name in names if not (out / f"{name}.npz").exists()]
     make = partial(generate_shard, recipe, out)
-    pool = InThisProcess(make) if workers == 1 else WorkerPool(make, workers)
-    for _ in track(pool.run(missing), "shards", total=len(missing)):
-        pass
+    with claim_folder(out, recipe.config()) as config:
+        missing = [name for name in names if not (out / f"{name}.npz").exists()]
+        pool = InThisProcess(make) if workers == 1 else WorkerPool(make, workers)
+        for _ in track(pool.run(missing), "shards", total=len(missing)):
+            pass
+        write_json(out / MANIFEST, _manifest(recipe, out, config))
+
+
+def _manifest(recipe: DatasetRecipe, out: Path, config: dict[str, Any]) -> dict[str, Any]:
+    names = recipe.source.names()
     shards = {name: file_sha256(out / f"{name}.npz") for name in names}
-    manifest = {
+    return {
         "format_version": FORMAT_VERSION,
         "config": config,
         **summarize(out, names, recipe.tasks),
         "shards": shards,
         "sha256": combined_sha256(shards),
     }
-    write_json(out / MANIFEST, manifest)
 
 
 def main(config: GenerateConfig) -> None:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from split_drake.bad_input import require_numbers
 from split_drake.data.rests import Rests
 from split_drake.objects.rigid import RigidObject
 from split_drake.poses import Array, make_pose, rotation_x, rotation_y, rotation_z, transform_points
@@ -31,6 +32,7 @@ class PlacementConfig:
     margin_m: float = 0.005
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if not 0.0 <= self.upright_share <= 1.0:
             raise ValueError(f"upright_share is {self.upright_share}; expected 0 to 1")
         for name in ("tilt_rad", "offset_m", "margin_m"):

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from split_drake.bad_input import require_numbers
 from split_drake.data.placements import PlacementConfig
 from split_drake.data.render import RayImage
 from split_drake.poses import Array, make_pose
@@ -53,6 +54,7 @@ class DomainRandomization:
     hidden_draws: int = 12
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         for name in ("grazing_loss", "edge_loss", "single_view_share", "hidden_share"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected 0 to 1")

@@ -14,10 +14,10 @@ import numpy as np
 from rich.progress import track
 from scipy.spatial.transform import Rotation
 
-from split_drake.bad_input import BadInputError
+from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
-from split_drake.files import replacing
+from split_drake.files import interpreting, read_npz, replacing
 from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
 from split_drake.objects.rigid import RigidObject
 from split_drake.poses import Array
@@ -30,6 +30,7 @@ from split_drake.truth.state import Truth
 
 # A drop off the table, or one that never ends, is drawn anew, but not for ever.
 MAX_DRAWS_PER_REST = 20
+_WHAT = "a file of rests"
 
 
 class RestsError(BadInputError):
@@ -86,13 +87,15 @@ def _shipped(split: Split) -> dict[str, Rests]:
     path = rests_path(split)
     if not path.is_file():
         raise RestsError(f"{path} is missing; python -m split_drake.data.rests makes it")
-    with np.load(path, allow_pickle=False) as archive:
-        if (found := str(archive["mugs_sha256"])) != (expected := mugs_sha256(split)):
-            raise RestsError(
-                f"{path} was made for mugs of SHA-256 {found[:12]}, but they have {expected[:12]}; "
-                "python -m split_drake.data.rests makes it anew"
-            )
-        entries = zip(archive["names"], archive["X_TOs"], archive["dropped"], strict=True)
+    keys = ("names", "X_TOs", "dropped")
+    arrays = read_npz(path, _WHAT, required=("mugs_sha256", *keys))
+    if (found := str(arrays["mugs_sha256"])) != (expected := mugs_sha256(split)):
+        raise RestsError(
+            f"{path} was made for mugs of SHA-256 {found[:12]}, but they have {expected[:12]}; "
+            "python -m split_drake.data.rests makes it anew"
+        )
+    with interpreting(path, _WHAT):
+        entries = zip(*(arrays[key] for key in keys), strict=True)
         return {str(name): Rests(X_TOs.astype(float), int(n)) for name, X_TOs, n in entries}
 
 
@@ -122,6 +125,7 @@ class SettleConfig:
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         for name in ("count", "workers"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")

@@ -113,15 +113,15 @@ def evaluate(evaluation: Evaluation, out: Path, workers: int, console: Console) 
     run = evaluation_run(out)
     if not run.log.exists():
         evaluation.require_true_poses()
-    run.claim(question)
     wanted = range(evaluation.scenes)
-    there = {record.index for record in run.records()}
-    missing = [index for index in wanted if index not in there]
-    run.collect(_examine_all(evaluation, missing, workers), len(missing), console)
-    records = {record.index: record for record in run.records()}
-    if not records.keys() >= set(wanted):
-        raise KeyboardInterrupt  # which ended the collecting
-    return _report([records[index] for index in wanted], evaluation.tasks, question, out)
+    with run.claim(question):
+        there = {record.index for record in run.records()}
+        missing = [index for index in wanted if index not in there]
+        run.collect(_examine_all(evaluation, missing, workers), len(missing), console)
+        records = {record.index: record for record in run.records()}
+        if not records.keys() >= set(wanted):
+            raise KeyboardInterrupt  # which ended the collecting
+        return _report([records[index] for index in wanted], evaluation.tasks, question, out)
 
 
 def _report(

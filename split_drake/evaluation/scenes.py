@@ -7,6 +7,7 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
+from split_drake.bad_input import require_number, require_numbers
 from split_drake.data.object_scenes import ObjectScene, ObjectScenes
 from split_drake.data.rests import Rests, load_rests, settle
 from split_drake.grasps.free_hand import FreeHand
@@ -18,6 +19,7 @@ from split_drake.objects.peg_test import PegTest
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.objects.task_object import TaskObject
 from split_drake.poses import Array
+from split_drake.scene import MAX_NOISE_M
 from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
 
@@ -40,12 +42,10 @@ class EvalOptions:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if self.physics_scenes < 0:
             raise ValueError(f"physics_scenes is {self.physics_scenes}; expected at least 0")
-        if not self.noise_m >= 0.0:
-            raise ValueError(
-                f"noise_m is {self.noise_m}; expected a standard deviation >= 0 in metres"
-            )
+        require_number("noise_m", self.noise_m, 0.0, MAX_NOISE_M, "a standard deviation in metres")
 
 
 class TrueGrasps:

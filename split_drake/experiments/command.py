@@ -1,8 +1,9 @@
 """Commands: their options, and one sentence where these cannot be carried out."""
 
-from collections.abc import Callable, Iterator
+import errno
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import tyro
 
@@ -23,15 +24,36 @@ def run_command(
 
     Raises SystemExit with one sentence where the options, or what they name, cannot be used.
     """
-    asked = tyro.cli(options, description=description)
     with told_in_a_sentence():
-        main(asked)
+        main(tyro.cli(options, description=description))
+
+
+def run_commands(
+    main: Callable[[Any], object], commands: Mapping[str, type], description: str | None = None
+) -> None:
+    """Run `main` with the options of one of several commands; see `run_command`.
+
+    Args:
+        main: of all commands.
+        commands: {name of a command: dataclass of its options}.
+        description: of the commands.
+    """
+    with told_in_a_sentence():
+        main(tyro.extras.subcommand_cli_from_dict(dict(commands), description=description))
 
 
 @contextmanager
 def told_in_a_sentence() -> Iterator[None]:
-    """Exit with the message alone where something that was given cannot be used."""
+    """Exit with the message alone where something that was given cannot be used.
+
+    So does what the system says of a file: that it is missing, protected, or that the disk is full.
+    """
     try:
         yield
     except BadInputError as error:
         raise SystemExit(str(error)) from error
+    except OSError as error:
+        if error.filename is None and error.errno != errno.ENOSPC:
+            raise
+        where = "the disk" if error.filename is None else error.filename
+        raise SystemExit(f"{where}: {error.strerror}") from error

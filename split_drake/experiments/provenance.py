@@ -18,7 +18,7 @@ _VECTORS = ("amx_bf16", "avx512_bf16", "avx512f", "avx2", "sse4_1")
 _PACKAGES = ("drake", "torch", "numpy", "trimesh", "ompl")
 _ROOT = Path(__file__).parents[2]
 _SOURCES = ("split_drake", "planning", "models", "scenarios")
-_SUFFIXES = (".py", ".urdf", ".json", ".npz")
+_SUFFIXES = (".py", ".urdf", ".xml", ".obj", ".json", ".npz")
 
 
 def code_version() -> dict[str, Any]:

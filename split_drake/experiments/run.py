@@ -1,7 +1,8 @@
 """A run's folder: what was asked, a log of what arose, and going on after an interruption."""
 
 import json
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -11,7 +12,14 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from split_drake.bad_input import BadInputError
-from split_drake.files import write_atomically, write_json
+from split_drake.experiments.lock import FolderChangedError, FolderLock, locked
+from split_drake.files import (
+    UnreadableFileError,
+    interpreting,
+    read_json_object,
+    write_atomically,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -19,6 +27,8 @@ if TYPE_CHECKING:
 Record = TypeVar("Record", bound="DataclassInstance")
 
 CONFIG = "config.json"
+# Kept for information: what a run was made with is told by the hash of the code beside it.
+_INFORMATION = ("commit",)
 # Values in a message are cut to this many characters.
 _SHOWN = 80
 
@@ -27,8 +37,32 @@ class AnotherRunError(BadInputError):
     """A folder holds a run with other options, data, weights or code."""
 
 
+class NoResultsError(BadInputError):
+    """All of a run ended in errors."""
+
+
+def require_results(errors: Sequence[str], asked: int, folder: Path) -> None:
+    """Raise NoResultsError where all that was run, `asked` of it, ended in `errors`.
+
+    The same command tries them again.
+    """
+    if asked and len(errors) == asked:
+        first = errors[0].strip().splitlines()[-1] if errors[0].strip() else "without a reason"
+        raise NoResultsError(
+            f"{folder} holds no result: all {asked} ended in an error, the first in: {first}"
+        )
+
+
 def as_json(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values as JSON gives them back: lists for tuples and arrays, texts for paths."""
+    """Return the values as JSON gives them back: lists for tuples and arrays, texts for paths.
+
+    Raises BadInputError where one of them is NaN or infinite, which JSON does not have.
+    """
+    for key, value in config.items():
+        try:
+            json.dumps(value, default=_plain, allow_nan=False)
+        except ValueError as error:
+            raise BadInputError(f"{key} is {_shown(value)}; expected finite numbers") from error
     return dict(json.loads(json.dumps(config, default=_plain)))
 
 
@@ -62,20 +96,55 @@ def _shown(value: object) -> str:
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
 
 
+@contextmanager
 def claim_folder(
     folder: Path, config: Mapping[str, Any], free_keys: Collection[str] = ()
-) -> dict[str, Any]:
-    """Make the folder, write config.json, and return its content.
+) -> Iterator[dict[str, Any]]:
+    """Keep a folder for one run: lock it, write config.json, and give its content as JSON has it.
 
-    Raises AnotherRunError where the folder holds a run that was asked for something else; what is
-    in `free_keys` may differ.
+    What is in `free_keys` may differ from before, and so may the commit.
+
+    Raises AnotherRunError where the folder holds a run that was asked for something else, or files
+    that are of no run; FolderInUseError where another process runs there; and, at the end,
+    FolderChangedError where the folder has vanished.
     """
-    path, wanted = folder / CONFIG, as_json(config)
+    wanted = as_json(config)
+    with _claimed(folder, wanted, free_keys):
+        yield wanted
+
+
+@contextmanager
+def _claimed(
+    folder: Path, wanted: Mapping[str, Any], free_keys: Collection[str]
+) -> Iterator[FolderLock]:
+    _require_same_run(folder, wanted, free_keys)  # before anything is made in it
+    with locked(folder) as lock:
+        _require_same_run(folder, wanted, free_keys)
+        write_json(folder / CONFIG, wanted)
+        yield lock
+
+
+def _require_same_run(folder: Path, wanted: Mapping[str, Any], free_keys: Collection[str]) -> None:
+    path = folder / CONFIG
     if path.exists():
-        require_same(folder, json.loads(path.read_text()), wanted, free_keys)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_json(path, wanted)
-    return wanted
+        free = (*free_keys, *_INFORMATION)
+        require_same(folder, read_json_object(path, "the options of a run"), wanted, free)
+    else:
+        require_no_files(folder)
+
+
+def require_no_files(folder: Path) -> None:
+    """Raise AnotherRunError where a folder without config.json holds anything of somebody else's.
+
+    Hidden files do not count: a lock, or what a kill left of a file half written.
+    """
+    if not folder.is_dir():
+        return
+    if names := sorted(path.name for path in folder.iterdir() if not path.name.startswith(".")):
+        raise AnotherRunError(
+            f"{folder} holds {_shown(', '.join(names))}, but no {CONFIG}: it is no folder of an "
+            "earlier run; choose a new or an empty folder"
+        )
 
 
 class RunFolder(Generic[Record]):
@@ -93,24 +162,52 @@ class RunFolder(Generic[Record]):
         self.path = path
         self.log = path / log
         self._from_fields = from_fields
+        self._lock: FolderLock | None = None
 
-    def claim(self, config: Mapping[str, Any], free_keys: Collection[str] = ()) -> None:
-        """Claim the folder, as `claim_folder` does, and mend a log that a kill cut off."""
-        claim_folder(self.path, config, free_keys)
-        lines = read_json_lines(self.log)
-        write_atomically(self.log, "".join(_line(fields) + "\n" for fields in lines))
+    @contextmanager
+    def claim(
+        self,
+        config: Mapping[str, Any],
+        free_keys: Collection[str] = (),
+        again: Callable[[Record], bool] = lambda record: False,
+    ) -> Iterator[None]:
+        """Claim the folder, as `claim_folder` does, and mend a log that a kill cut off.
+
+        Records that are to be made `again`, those of errors say, are taken out of the log.
+        """
+        with _claimed(self.path, as_json(config), free_keys) as self._lock:
+            records = self.records()
+            lines = read_json_lines(self.log)
+            kept = [line for line, found in zip(lines, records, strict=True) if not again(found)]
+            write_atomically(self.log, "".join(_line(fields) + "\n" for fields in kept))
+            yield
+        self._lock = None
+
+    def require_unchanged(self) -> None:
+        """Raise FolderChangedError where the claimed folder was removed or replaced since."""
+        if self._lock is not None:
+            self._lock.require_unchanged()
 
     def records(self) -> list[Record]:
         """Return the records that the log holds, in their order; [] where there is no log.
 
-        A last line that was cut off by a kill is left out; any other bad line raises ValueError.
+        A last line that was cut off by a kill is left out.  Raises UnreadableFileError naming any
+        other line that is no record.
         """
-        return [self._from_fields(fields) for fields in read_json_lines(self.log)]
+        records = []
+        for number, fields in enumerate(read_json_lines(self.log), start=1):
+            with interpreting(f"{self.log}:{number}", "a record of such a run"):
+                records.append(self._from_fields(fields))
+        return records
 
     def append(self, record: Record) -> None:
-        """Add a record to the log."""
+        """Add a record to the log; FolderChangedError where the claimed folder has vanished."""
+        self.require_unchanged()
         with self.log.open("a") as file:
             file.write(json_line(record) + "\n")
+
+    def _lines(self) -> list[str]:
+        return self.log.read_text().splitlines() if self.log.exists() else []
 
     def collect(
         self,
@@ -130,10 +227,12 @@ class RunFolder(Generic[Record]):
             console: to show it on.
             describe: says beside the bar what all records so far come to.
             remark: says what a record is worth a line for; nothing where it is empty.
+
+        Raises FolderChangedError where the log does not hold in the end what was written to it.
         """
         if not expected:
             return
-        records = self.records()
+        records, lines = self.records(), self._lines()
         columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
         progress = Progress(
             *columns,
@@ -147,11 +246,18 @@ class RunFolder(Generic[Record]):
                 for record in arriving:
                     self.append(record)
                     records.append(record)
+                    lines.append(json_line(record))
                     if line := remark(record):
                         progress.console.print(line, markup=False)
                     progress.update(bar, advance=1, description=describe(records))
         except KeyboardInterrupt:
             console.print(f"interrupted; --out {self.path} goes on from here", markup=False)
+        self.require_unchanged()
+        if (found := self._lines()) != lines:
+            raise FolderChangedError(
+                f"{self.log} holds {len(found)} records, expected the {len(lines)} that were "
+                "written: something else changed it while this run went on"
+            )
 
 
 def json_line(record: "DataclassInstance") -> str:
@@ -166,19 +272,23 @@ def _line(fields: Mapping[str, Any]) -> str:
 def read_json_lines(path: Path) -> list[dict[str, Any]]:
     """Return the objects in a file of JSON lines; [] where there is no file.
 
-    A last line that was cut off by a kill is left out; any other bad line raises ValueError.
+    A last line that was cut off by a kill is left out.  Raises UnreadableFileError naming any other
+    line that holds no object.
     """
     if not path.exists():
         return []
-    lines = path.read_text().split("\n")
+    lines = path.read_bytes().split(b"\n")
     found = []
     for number, line in enumerate(lines, start=1):
         if not line:
             continue
         try:
-            found.append(json.loads(line))
-        except json.JSONDecodeError as error:
+            fields = json.loads(line)
+        except (ValueError, RecursionError) as error:
             if number == len(lines):
                 break
-            raise ValueError(f"{path}:{number} is not JSON: {error}") from error
+            raise UnreadableFileError(f"{path}:{number} is not JSON: {error}") from error
+        if not isinstance(fields, dict):
+            raise UnreadableFileError(f"{path}:{number} holds {_shown(fields)}; expected an object")
+        found.append(fields)
     return found

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from rich.progress import track
 
+from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.grasps.free_hand import FreeHand
@@ -54,6 +55,7 @@ class CheckConfig:
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if not 1 <= self.per_mug <= WIDE + STEADY:
             raise ValueError(f"per_mug is {self.per_mug}; expected 1 to {WIDE + STEADY}")
 

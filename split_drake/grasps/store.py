@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from split_drake.bad_input import BadInputError
-from split_drake.files import replacing
+from split_drake.files import interpreting, read_npz, replacing, split_rows
 from split_drake.grasps.free_hand import MAX_SLIP_M, MAX_TURN_RAD
 from split_drake.objects.mugs.split import Split, mugs_sha256
 from split_drake.poses import Array
 
+_WHAT = "a store of checked grasps"
 # Two grasps of a mug, mirrored in the plane y = 0 of O; the hand is its own mirror image too.
 _MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
 
@@ -98,23 +99,24 @@ def read_store(path: Path, sha256: str) -> dict[str, CheckedGrasps]:
     """Return the grasps in `path` by the names of their mugs.
 
     Raises GraspStoreError where the file is missing or was made for other mugs than those whose
-    parameters have this SHA-256.
+    parameters have this SHA-256, and UnreadableFileError where it is damaged.
     """
     if not path.is_file():
         raise GraspStoreError(f"{path} is missing: run python -m split_drake.grasps.check_grasps")
-    with np.load(path, allow_pickle=False) as archive:
-        if (found := str(archive["mugs_sha256"])) != sha256:
-            raise GraspStoreError(
-                f"{path} was made for mugs of SHA-256 {found[:12]}, but they have "
-                f"{sha256[:12]}; python -m split_drake.grasps.check_grasps makes it anew"
-            )
-        ends = np.cumsum(archive["counts"])[:-1]
-        parts = {f.name: np.split(archive[f.name], ends) for f in fields(CheckedGrasps)}
-        names = [str(name) for name in archive["names"]]
-    return {
-        name: CheckedGrasps(**{key: _as_read(part[i]) for key, part in parts.items()})
-        for i, name in enumerate(names)
-    }
+    keys = [f.name for f in fields(CheckedGrasps)]
+    arrays = read_npz(path, _WHAT, required=("mugs_sha256", "counts", "names", *keys))
+    if (found := str(arrays["mugs_sha256"])) != sha256:
+        raise GraspStoreError(
+            f"{path} was made for mugs of SHA-256 {found[:12]}, but they have "
+            f"{sha256[:12]}; python -m split_drake.grasps.check_grasps makes it anew"
+        )
+    with interpreting(path, _WHAT):
+        counts = arrays["counts"]
+        parts = {key: split_rows(arrays[key], counts, key) for key in keys}
+        return {
+            str(name): CheckedGrasps(**{key: _as_read(part[i]) for key, part in parts.items()})
+            for i, name in enumerate(arrays["names"])
+        }
 
 
 def _as_read(array: np.ndarray) -> np.ndarray:

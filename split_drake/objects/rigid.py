@@ -6,6 +6,7 @@ from typing import Literal, Self
 import numpy as np
 import trimesh
 
+from split_drake.bad_input import LARGEST
 from split_drake.poses import Array
 
 Kind = Literal["box", "cylinder", "capsule", "sphere", "convex"]
@@ -98,14 +99,14 @@ class RigidObject:
     collision: tuple[Primitive, ...]
 
     def __post_init__(self) -> None:
-        if not self.mass_kg > 0.0:
+        if not 0.0 < self.mass_kg < LARGEST:
             raise ValueError(f"mass_kg of {self.name} is {self.mass_kg}; expected more than 0")
         if not self.collision:
             raise ValueError(f"{self.name} has no collision geometry")
 
     def scaled(self, factor: float) -> Self:
         """Return the body `factor` times as large in O, of the same density."""
-        if not factor > 0.0:
+        if not 0.0 < factor < LARGEST:
             raise ValueError(f"factor is {factor}; expected more than 0")
         mesh = self.mesh.copy()
         mesh.apply_scale(factor)

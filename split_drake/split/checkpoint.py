@@ -1,14 +1,18 @@
 """Checkpoints: a network's weights with what it takes to rebuild it and to know where it is from.
 
-A checkpoint is a safetensors file whose metadata holds `CheckpointInfo` as JSON.
+A checkpoint is a safetensors file whose metadata holds `CheckpointInfo` as JSON, and a checksum of
+that and of all tensors: a flipped bit in a weight is a valid weight.
 """
 
+import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
@@ -23,6 +27,9 @@ from split_drake.split.network_config import SplitConfig
 
 FORMAT = "split_drake.split"
 FORMAT_VERSION = 1
+CHECKSUM = "sha256"
+# The metadata that the checksum covers, beside the tensors.
+_CHECKED = ("format", "format_version", "info")
 DEFAULT_WEIGHTS = "split_mugs.safetensors"
 # Of checkpoints that are too old to say theirs, but for edge and depth, which the architecture has.
 FIRST_WORKSPACE = Workspace((0.5, 0.0, 0.0), 0.3, 0.05, 0.004)
@@ -97,8 +104,24 @@ def save_checkpoint(path: Path, network: SplitNetwork, info: CheckpointInfo) -> 
     }
     tensors = {name: value.cpu().contiguous() for name, value in network.state_dict().items()}
     _require_finite(tensors, path)
+    metadata[CHECKSUM] = content_sha256(metadata, tensors)
     with replacing(path) as temporary:
         save_file(tensors, temporary, metadata)
+
+
+def content_sha256(metadata: Mapping[str, str], tensors: Mapping[str, Tensor]) -> str:
+    """Return the SHA-256 over what a checkpoint says of itself, and over its tensors.
+
+    That is over their names, types, shapes and bytes, in the order of their names.
+    """
+    digest = hashlib.sha256()
+    for key in _CHECKED:
+        digest.update(f"{key}={metadata.get(key)}\0".encode())
+    for name in sorted(tensors):
+        tensor = tensors[name].contiguous()
+        digest.update(f"{name} {tensor.dtype} {tuple(tensor.shape)} ".encode())
+        digest.update(tensor.reshape(-1).view(torch.uint8).numpy().tobytes())
+    return digest.hexdigest()
 
 
 def _require_finite(tensors: dict[str, Tensor], path: Path) -> None:
@@ -131,15 +154,15 @@ def _parse_info(text: str) -> CheckpointInfo:
     )
 
 
-def _read(path: Path) -> tuple[dict[str, str], dict[str, Tensor]]:
-    """Return metadata and tensors of a checkpoint of this format and version."""
+def read_content(path: Path) -> tuple[dict[str, str], dict[str, Tensor]]:
+    """Return metadata and tensors of a checkpoint of this format and version, unchecked."""
     if not path.is_file():
         raise CheckpointError(f"{path} does not exist; expected a SPLIT checkpoint (.safetensors)")
     try:
         with safe_open(path, framework="pt") as file:
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except SafetensorError as error:
+    except (SafetensorError, OSError, ValueError, TypeError) as error:
         raise CheckpointError(f"{path} is damaged or no safetensors file: {error}") from error
     if metadata.get("format") != FORMAT:
         raise CheckpointError(
@@ -153,13 +176,43 @@ def _read(path: Path) -> tuple[dict[str, str], dict[str, Tensor]]:
     return metadata, tensors
 
 
+def _require_checksum(path: Path, metadata: dict[str, str], tensors: dict[str, Tensor]) -> None:
+    """Raise CheckpointError where the content is not what was written, or where nobody can tell.
+
+    A file without a checksum is refused, not warned of: a warning of a worker process goes unread,
+    and one command adds what is missing.
+    """
+    expected = metadata.get(CHECKSUM)
+    if expected is None:
+        raise CheckpointError(
+            f"{path} has no checksum, so that damage could not be told; where you trust the file, "
+            f"python -m split_drake.split.stamp {path} adds one"
+        )
+    if (found := content_sha256(metadata, tensors)) != expected:
+        raise CheckpointError(
+            f"{path} is damaged: its content has the SHA-256 {found[:12]}, expected {expected[:12]}"
+        )
+
+
 def load_checkpoint(path: Path) -> tuple[SplitNetwork, CheckpointInfo]:
     """Return the network, ready for inference on the CPU, and its provenance.
 
-    Raises CheckpointError where the file is missing, damaged, of another program or version, where
-    its weights don't fit the architecture it describes, or where they are not finite.
+    Raises CheckpointError where the file is missing, damaged, without a checksum, of another
+    program or version, where its weights don't fit the architecture it describes, or where they are
+    not finite.
     """
-    metadata, tensors = _read(path)
+    metadata, tensors = read_content(path)
+    _require_checksum(path, metadata, tensors)
+    return rebuilt(path, metadata, tensors)
+
+
+def rebuilt(
+    path: Path, metadata: dict[str, str], tensors: dict[str, Tensor]
+) -> tuple[SplitNetwork, CheckpointInfo]:
+    """Return the network, ready for inference on the CPU, and its provenance, of what was read.
+
+    Raises CheckpointError where the weights don't fit the architecture, or are not finite.
+    """
     try:
         info = _parse_info(metadata["info"])
         network = SplitNetwork(info.config, info.tasks)

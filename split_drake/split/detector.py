@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from split_drake.bad_input import BadInputError, require_number, require_numbers
 from split_drake.pose_set import PoseSet, ScoredPoses, accepted_poses
 from split_drake.pose_task import PoseTask, find_tasks
 from split_drake.scene import Scene, Workspace
@@ -51,8 +52,10 @@ class SamplerConfig:
     threshold: float = 0.4
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if self.samples < 1:
-            raise ValueError(f"samples is {self.samples}; expected at least 1")
+            raise BadInputError(f"samples is {self.samples}; expected at least 1")
+        require_number("start_margin_m", self.start_margin_m, 0.0, 1.0)
         if not 0.0 <= self.threshold < 1.0:
             raise ValueError(f"threshold is {self.threshold}; expected a score from 0, below 1")
 

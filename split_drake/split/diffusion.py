@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from split_drake.bad_input import require_numbers
 from split_drake.split.se3 import compose, so3_exp, so3_log
 
 
@@ -42,6 +43,7 @@ class NoiseSchedule:
     length_m: float = 0.06
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if not 0.0 < self.sigma_min < self.sigma_max:
             raise ValueError(
                 f"sigma_min={self.sigma_min}, sigma_max={self.sigma_max}; "

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from split_drake.bad_input import require_numbers
 from split_drake.scene import Workspace
 from split_drake.split.diffusion import NoiseSchedule
 
@@ -56,6 +57,7 @@ class SplitConfig:
     score_frame: ScoreFrame = "sample"
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         needed = 2 ** (len(self.channels) + 1)
         if self.resolution < needed:
             raise ValueError(f"resolution is {self.resolution}; the blocks need {needed} or more")

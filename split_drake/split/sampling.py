@@ -9,6 +9,7 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
+from split_drake.bad_input import require_count, require_number, require_numbers
 from split_drake.split.diffusion import NoiseSchedule, displacement, move
 
 # (poses (..., 4, 4), sigma) -> sigma * score (..., 6) in the poses' own frames.
@@ -86,10 +87,15 @@ class LangevinConfig:
     final_sigma: float = 0.06
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if self.steps < 1 or self.final_steps < 0:
             raise ValueError(
                 f"steps={self.steps}, final_steps={self.final_steps}; expected at least 1 and 0"
             )
+        require_count("steps", self.steps, 1, 10_000)
+        require_count("final_steps", self.final_steps, 0, 10_000)
+        require_number("step_scale", self.step_scale, 0.0, 10.0)
+        require_number("temperature", self.temperature, 0.0, 10.0)
         if self.step_scale <= 0.0 or self.temperature < 0.0 or self.final_sigma <= 0.0:
             raise ValueError(
                 f"step_scale={self.step_scale}, temperature={self.temperature}, "

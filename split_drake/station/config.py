@@ -3,6 +3,7 @@
 from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
+from split_drake.bad_input import require_numbers
 from split_drake.station.layout import Layout
 
 ContactModel = Literal["point", "hydroelastic_with_fallback"]
@@ -48,6 +49,7 @@ class StationConfig:
     meshcat_rate_hz: float = 30.0
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         for name, kinds in (
             ("contact_model", get_args(ContactModel)),
             ("contact_approximation", get_args(ContactApproximation)),

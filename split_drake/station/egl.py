@@ -3,11 +3,13 @@
 import ctypes
 from typing import Any
 
+from split_drake.bad_input import BadInputError
+
 _PLATFORM_DEVICE_EXT = 0x313F
 _MAX_DEVICES = 16
 
 
-class RenderingUnavailableError(RuntimeError):
+class RenderingUnavailableError(BadInputError, RuntimeError):
     """The libraries that render without a display are missing."""
 
     def __init__(self, reason: str) -> None:

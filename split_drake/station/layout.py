@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from split_drake.bad_input import require_numbers
 from split_drake.camera import Intrinsics, look_at
 from split_drake.poses import Array, make_pose, rotation_x
 from split_drake.scene import Workspace
@@ -43,6 +44,7 @@ class HookShape:
     post_above_m: float = 0.03
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         room_m = self.post_distance_m - self.post_radius_m
         if room_m < 0.06:
             raise ValueError(f"the post is {room_m:.3f} m from K; a mug needs at least 0.06 m")
@@ -65,6 +67,7 @@ class OpenBin:
     wall_m: float = 0.01
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if not min(*self.size_m, self.wall_m) > 0.0:
             raise ValueError(
                 f"a bin's size is {self.size_m} m and its walls are {self.wall_m} m thick; "

@@ -15,11 +15,13 @@ from typing import Any, Literal
 import torch
 from rich.console import Console
 
+from split_drake.bad_input import require_count, require_numbers
 from split_drake.data.dataset import SceneDataset
 from split_drake.evaluation.evaluate import MugEvalOptions
 from split_drake.evaluation.evaluation import METRICS, evaluate
 from split_drake.experiments.command import run_command
 from split_drake.experiments.provenance import file_sha256
+from split_drake.files import read_json_object
 from split_drake.pose_task import MUG_TASKS
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.detector import SamplerConfig
@@ -56,6 +58,11 @@ class AblateConfig:
     device: Literal["auto", "cpu", "cuda"] = "auto"
     workers: int = len(os.sched_getaffinity(0))
     report_only: bool = False
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
+        for name, least in (("steps", 1), ("scenes", 1), ("physics_scenes", 0), ("workers", 1)):
+            require_count(name, getattr(self, name), least)
 
     def training(self, model: Model) -> TrainConfig:
         """Return the training run of a model."""
@@ -112,7 +119,8 @@ def train_models(config: AblateConfig, console: Console) -> None:
         run = config.training(model)
         if not is_trained(run, dataset.dataset_hash):
             console.print(f"training {model.name}")
-            TrainingRun(run, dataset, console).execute()
+            with TrainingFolder(run.out).locked(run.resume):
+                TrainingRun(run, dataset, console).execute()
 
 
 def describe(config: AblateConfig, variant: Variant) -> dict[str, Any]:
@@ -146,7 +154,7 @@ def rows_at_hand(config: AblateConfig, console: Console) -> list[Row]:
         if not path.exists():
             console.print(f"not evaluated yet: {path.parent}")
             continue
-        metrics = json.loads(path.read_text())
+        metrics = read_json_object(path, "the metrics of an evaluation")
         asked = metrics.get("question", {})  # which older files don't have
         if asked.get("detector") != json.loads(json.dumps(describe(config, variant))):
             raise SystemExit(

@@ -5,7 +5,6 @@ of the procedural training objects: what is chosen here is measured elsewhere.  
 geometry, as `ClutterJudge` does.  DIR gets study.json; a study that was stopped goes on.
 """
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -21,13 +20,14 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial import cKDTree
 
+from split_drake.bad_input import require_numbers
 from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScene, ClutterScenes
 from split_drake.data.clutter.sizes import clutter_source
 from split_drake.data.clutter.views import merged_mesh
 from split_drake.experiments.command import run_command
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import claim_folder
-from split_drake.files import write_json
+from split_drake.files import read_json, write_json
 from split_drake.grasps.clutter_judge import ClutterJudge
 from split_drake.pose_set import ScoredPoses
 from split_drake.pose_task import GRASP
@@ -72,6 +72,7 @@ class ClutterStudyConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if self.scenes < 1:
             raise ValueError(f"--scenes is {self.scenes}; expected 1 or more")
         if not 0.0 <= self.threshold <= 1.0:
@@ -193,16 +194,16 @@ def main(config: ClutterStudyConfig) -> None:
     """Measure the samplers that are missing; the file is written after each of them."""
     console, path = Console(soft_wrap=True), config.out / "study.json"
     torch.set_num_threads(1)
-    claim_folder(config.out, config.record())
-    rows: list[Row] = json.loads(path.read_text()) if path.exists() else []
     network, info = load_checkpoint(config.checkpoint)
-    scenes = drawn_scenes(config, Layout(workspace=info.workspace))
-    for sampler in missing(rows):
-        detector = SplitDetector(network, info.workspace, integrator=sampler.build())
-        rows.append({**asdict(sampler), **measured(detector, scenes, config.threshold)})
-        write_json(path, rows)
-        console.print(table_of(rows[-1:]))
-    console.print(table_of(rows))
+    with claim_folder(config.out, config.record()):
+        rows: list[Row] = read_json(path, "the rows of a study") if path.exists() else []
+        scenes = drawn_scenes(config, Layout(workspace=info.workspace))
+        for sampler in missing(rows):
+            detector = SplitDetector(network, info.workspace, integrator=sampler.build())
+            rows.append({**asdict(sampler), **measured(detector, scenes, config.threshold)})
+            write_json(path, rows)
+            console.print(table_of(rows[-1:]))
+        console.print(table_of(rows))
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from split_drake.bad_input import require_numbers
 from split_drake.pose_task import Symmetry
 from split_drake.split.network_config import SplitConfig
 from split_drake.split.se3 import compose, so3_exp
@@ -39,6 +40,7 @@ class AugmentationConfig:
     range_scale: float = 0.0
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         low_m, high_m = self.noise_m
         if not 0.0 <= low_m <= high_m:
             raise ValueError(f"noise_m is {self.noise_m}; expected 0 <= lowest <= highest")

@@ -12,6 +12,7 @@ from typing import Self
 import torch
 from torch import Tensor
 
+from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.pose_task import PoseTask
 from split_drake.split.diffusion import NoiseSchedule, displacement, perturb, target_score
 from split_drake.split.network_config import SplitConfig
@@ -53,6 +54,7 @@ class BatchConfig:
     augmentation: AugmentationConfig = field(default_factory=AugmentationConfig)
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if self.scenes < 1 or self.poses_per_sigma < 1:
             raise ValueError(
                 f"scenes={self.scenes}, poses_per_sigma={self.poses_per_sigma}; expected 1 or more"
@@ -85,17 +87,17 @@ class BatchConfig:
     def trained(self, tasks: Sequence[PoseTask]) -> tuple[PoseTask, ...]:
         """Return those of the tasks that are trained.
 
-        Raises ValueError where none is, or where `poses_of` names another task.
+        Raises BadInputError where none is, or where `poses_of` names another task.
         """
         names = {task.name for task in tasks}
         for name, count in self.poses_of:
             if name not in names and (name, count) not in _POSES_OF:
-                raise ValueError(
+                raise BadInputError(
                     f"poses_of names {name!r}; expected one of {', '.join(sorted(names))}"
                 )
         found = tuple(task for task in tasks if self.count(task))
         if not found:
-            raise ValueError(f"no pose of {', '.join(map(str, tasks))} is trained")
+            raise BadInputError(f"no pose of {', '.join(map(str, tasks))} is trained")
         return found
 
 

@@ -12,6 +12,7 @@ import tyro
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, StrMethodFormatter
 
+from split_drake.bad_input import BadInputError
 from split_drake.experiments.command import run_command
 from split_drake.poses import Array
 from split_drake.training.training_folder import TrainingFolder
@@ -51,7 +52,7 @@ def read_curves(folder: Path) -> dict[str, Array]:
     """
     lines = TrainingFolder(folder).read_curves()
     if not lines:
-        raise ValueError(f"{folder} has no curves; expected the folder of a training run")
+        raise BadInputError(f"{folder} has no curves; expected the folder of a training run")
     curves = {key: np.array([line[key] for line in lines], dtype=float) for key in lines[0]}
     seconds = 60.0 * np.diff(curves["minutes"], prepend=0.0)
     curves["scenes_per_s"] = np.diff(curves["scenes"], prepend=0.0) / np.maximum(seconds, 1e-9)

@@ -20,6 +20,7 @@ import torch
 from rich.console import Console
 from rich.progress import Progress
 
+from split_drake.bad_input import BadInputError, require_count, require_number, require_numbers
 from split_drake.data.dataset import SceneDataset
 from split_drake.experiments.command import run_command
 from split_drake.experiments.provenance import file_sha256, git_commit
@@ -87,8 +88,16 @@ class TrainConfig:
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if (self.minutes is None) == (self.steps is None):
             raise ValueError(f"minutes={self.minutes}, steps={self.steps}; expected one of them")
+        if self.minutes is not None and not self.minutes > 0.0:
+            raise BadInputError(f"minutes is {self.minutes}; expected more than 0")
+        if self.steps is not None:
+            require_count("steps", self.steps, 1)
+        require_count("workers", self.workers, 1)
+        require_count("log_steps", self.log_steps, 1)
+        require_number("save_minutes", self.save_minutes, 0.0)
 
     def torch_device(self) -> torch.device:
         """Return the device to train on."""
@@ -287,7 +296,9 @@ class TrainingRun:
 def train(config: TrainConfig, console: Console | None = None) -> None:
     """Train as `config` says; the outcome is in its output folder."""
     console = console or Console(soft_wrap=True)
-    TrainingRun(config, SceneDataset.open(config.data), console).execute()
+    dataset = SceneDataset.open(config.data)
+    with TrainingFolder(config.out).locked(config.resume):
+        TrainingRun(config, dataset, console).execute()
 
 
 if __name__ == "__main__":

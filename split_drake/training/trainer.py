@@ -2,7 +2,6 @@
 
 import copy
 import math
-import pickle
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from split_drake.bad_input import BadInputError
+from split_drake.bad_input import BadInputError, require_count, require_number, require_numbers
 from split_drake.files import replacing
 from split_drake.split.network import SplitNetwork
 from split_drake.split.network_config import SplitConfig
@@ -49,6 +48,16 @@ class OptimizerConfig:
     gradient_norm: float = 1.0
     average_decay: float = 0.998
     tolerated_steps: int = 3
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
+        for name in ("learning_rate", "gradient_norm"):
+            if not getattr(self, name) > 0.0:
+                raise BadInputError(f"{name} is {getattr(self, name)}; expected more than 0")
+        for name in ("hold", "final_rate", "average_decay"):
+            require_number(name, getattr(self, name), 0.0, 1.0)
+        require_count("warmup_steps", self.warmup_steps, 1)
+        require_count("tolerated_steps", self.tolerated_steps)
 
     def rate(self, step: int, progress: float) -> float:
         """Return the learning rate at `step`, a share `progress` in [0, 1] of the run."""
@@ -173,18 +182,24 @@ class Trainer:
         Raises StateError where the file is damaged, or was written on another type of device.
         """
         state = self._load(path)
-        generator = state["generator"].cpu()
+        generator = state["generator"]
+        if not isinstance(generator, torch.Tensor):
+            raise StateError(f"{path} is no state of a run: its generator is {generator!r:.40}")
+        generator = generator.cpu()
         if len(generator) != len(self._generator.get_state()):
             raise StateError(
                 f"{path} was written on another type of device, whose random numbers cannot be "
                 f"continued on {self._generator.device.type}; resume the run where it was, or "
                 "start a new one from its weights"
             )
-        self.network.load_state_dict(state["network"])
-        self.average.load_state_dict(state["average"])
-        self._adam.load_state_dict(state["adam"])
-        self._generator.set_state(generator)
-        self.step, self.elapsed_s = state["step"], state["elapsed_s"]
+        try:
+            self.network.load_state_dict(state["network"])
+            self.average.load_state_dict(state["average"])
+            self._adam.load_state_dict(state["adam"])
+            self._generator.set_state(generator)
+            self.step, self.elapsed_s = int(state["step"]), float(state["elapsed_s"])
+        except (LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
+            raise StateError(f"{path} is no state of this run: {error}") from error
         self._skipped = state.get("skipped", 0)  # absent where it was not counted yet
 
     def _load(self, path: Path) -> dict[str, Any]:
@@ -192,7 +207,7 @@ class Trainer:
         device = self._scenes.p_VSs.device
         try:
             state = torch.load(path, map_location=device, weights_only=True)
-        except (RuntimeError, EOFError, OSError, pickle.UnpicklingError) as error:
+        except Exception as error:  # of a dozen kinds where bytes are damaged
             raise StateError(f"{path} is damaged or no state of a run: {error}") from error
         expected = {"network", "average", "adam", "generator", "step", "elapsed_s"}
         if not isinstance(state, dict) or not expected <= state.keys():

@@ -1,11 +1,20 @@
 """The folder of a training run: who may write into it, and what is left of an interrupted run."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from split_drake.experiments.run import CONFIG, AnotherRunError, read_json_lines, require_same
-from split_drake.files import write_atomically, write_json
+from split_drake.experiments.lock import locked
+from split_drake.experiments.run import (
+    CONFIG,
+    AnotherRunError,
+    read_json_lines,
+    require_no_files,
+    require_same,
+)
+from split_drake.files import read_json_object, write_atomically, write_json
 
 # A resumed run may be longer or shorter; the state tells whether the device fits.
 _MAY_CHANGE = {"minutes", "steps", "device", "workers"}
@@ -29,19 +38,30 @@ class TrainingFolder:
         self.curves = path / "curves.jsonl"
         self.weights = path / "split.safetensors"
 
-    def take_up(self, options: dict[str, Any], resume: bool) -> bool:
-        """Return whether there is a state to go on from; otherwise write the options of a new run.
+    @contextmanager
+    def locked(self, resume: bool) -> Iterator[None]:
+        """Make the folder where it is missing, and keep other processes out of it.
 
-        A run of the same options that was killed before its first save starts anew.  SystemExit
-        says why the folder cannot be used: another run is never overwritten.
+        SystemExit says that there is no run to `resume`.  Raises AnotherRunError where the folder
+        holds files of something else, and FolderInUseError where another process runs there.
         """
         if not self.config.exists():
             if resume or self.state.exists():
                 raise SystemExit(f"{self.config} does not exist: there is no run to resume")
-            self.path.mkdir(parents=True, exist_ok=True)
-        elif self.state.exists() and not resume:
-            raise SystemExit(f"{self.path} holds a run; --resume it, or choose another folder")
-        else:
+            require_no_files(self.path)
+        with locked(self.path):
+            yield
+
+    def take_up(self, options: dict[str, Any], resume: bool) -> bool:
+        """Return whether there is a state to go on from; otherwise write the options of a new run.
+
+        A run of the same options that was killed before its first save starts anew.  SystemExit
+        says why the folder cannot be used: another run is never overwritten.  Call it while the
+        folder is `locked`.
+        """
+        if self.config.exists():
+            if self.state.exists() and not resume:
+                raise SystemExit(f"{self.path} holds a run; --resume it, or choose another folder")
             self._require_same(options)
         if self.state.exists():
             return True
@@ -65,7 +85,8 @@ class TrainingFolder:
 
     def _require_same(self, options: dict[str, Any]) -> None:
         """Exit where a resumed run would not be the same."""
+        before = read_json_object(self.config, "the options of a run")
         try:
-            require_same(self.path, json.loads(self.config.read_text()), options, _MAY_CHANGE)
+            require_same(self.path, before, options, _MAY_CHANGE)
         except AnotherRunError as error:
             raise SystemExit(str(error)) from error

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from split_drake.bad_input import BadInputError
 from split_drake.data.dataset import TaskLabels
 from split_drake.data.labels import PoseState
 from split_drake.pose_task import PoseTask, UnknownTaskError
@@ -186,7 +187,7 @@ def _require_drawable(dataset: LabelledScenes, task: PoseTask) -> None:
         wanted.append((false, f"false {task} pose"))
     for states, kind in wanted:
         if len(missing := np.flatnonzero(~states.any(axis=1))):
-            raise ValueError(
+            raise BadInputError(
                 f"{len(missing)} of {len(states)} scenes, {missing[0]} the first, have no {kind}; "
                 "expected at least one in each"
             )

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from split_drake.bad_input import require_count
 from split_drake.grasps.judge import feasible
 from split_drake.grasps.sampling import GraspLabels
 from split_drake.objects.task_object import TaskObject
@@ -39,6 +40,7 @@ class OracleDetector:
         index: int = 0,
         max_grasps: int = 512,
     ) -> None:
+        require_count("max_grasps", max_grasps, 1)
         self.tasks = (GRASP, *subject.X_OPs)
         self._truth = truth
         self._subject = subject

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.evaluation.calibration import area_under_curve
 from split_drake.pose_task import GRASP
 from split_drake.poses import Array
@@ -69,6 +70,7 @@ class TuneConfig:
     batch: BatchConfig = field(default_factory=lambda: BatchConfig(poses_of=((GRASP.name, 0),)))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         count = self.batch.count(GRASP)
         if count and not self.whole:
             raise ValueError(
@@ -99,11 +101,11 @@ class JudgedScenes:
     def split(cls, judged: JudgedGrasps) -> tuple[Self, Self]:
         """Return the scenes to train on, and those of the shards that are held out.
 
-        Raises ValueError where there are too few shards to hold one out.
+        Raises BadInputError where there are too few shards to hold one out.
         """
         held_out = judged.shard_index % HELD_OUT == HELD_OUT - 1
         if not held_out.any():
-            raise ValueError(
+            raise BadInputError(
                 f"{judged.shards} shards; expected at least {HELD_OUT}, to hold one out"
             )
         return cls._of(judged, ~held_out), cls._of(judged, held_out)

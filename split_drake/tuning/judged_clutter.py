@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from split_drake.bad_input import require_numbers
 from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScene, ClutterScenes
 from split_drake.data.clutter.sizes import clutter_source
 from split_drake.data.clutter.views import merged_mesh
@@ -57,6 +58,7 @@ class JudgeClutterConfig:
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         for name in ("shards", "scenes_per_shard", "samples", "workers"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")

@@ -15,7 +15,6 @@ A shard depends on the seed and its name alone; shards that exist are kept.  `ju
 `judged_clutter` make them.
 """
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -30,12 +29,13 @@ from rich.progress import track
 from split_drake.bad_input import BadInputError
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.run import CONFIG, claim_folder
-from split_drake.files import replacing
+from split_drake.files import interpreting, read_json_object, read_npz, replacing
 from split_drake.poses import Array
 from split_drake.scene import Scene, Workspace
 from split_drake.training.augmentation import AugmentationConfig
 
 Shard = dict[str, np.ndarray]
+_ARRAYS = ("clouds", "sampled", "held")
 
 
 class JudgedGraspsError(BadInputError):
@@ -77,11 +77,11 @@ def write_missing(
 
     Raises AnotherRunError where the folder holds shards of another record.
     """
-    claim_folder(out, record | {"shards": list(names)})
-    missing = [name for name in names if not (out / f"{name}.npz").exists()]
-    pool = WorkerPool(write, workers, start_worker=partial(torch.set_num_threads, 1))
-    for _ in track(pool.run(missing), "shards", total=len(missing)):
-        pass
+    with claim_folder(out, record | {"shards": list(names)}):
+        missing = [name for name in names if not (out / f"{name}.npz").exists()]
+        pool = WorkerPool(write, workers, start_worker=partial(torch.set_num_threads, 1))
+        for _ in track(pool.run(missing), "shards", total=len(missing)):
+            pass
 
 
 @dataclass(frozen=True)
@@ -115,19 +115,20 @@ class JudgedGrasps:
             )
         shards = []
         for path in paths:
-            with np.load(path, allow_pickle=False) as archive:
-                shards.append({key: archive[key] for key in ("clouds", "sampled", "held")})
-        arrays = {key: np.concatenate([shard[key] for shard in shards]) for key in shards[0]}
-        index = np.repeat(np.arange(len(names)), [len(shard["held"]) for shard in shards])
-        workspace = Workspace.from_fields(config["workspace"])
+            arrays = read_npz(path, "a shard of judged grasps", required=_ARRAYS)
+            shards.append({key: arrays[key] for key in _ARRAYS})
+        with interpreting(folder, "a folder of judged grasps"):
+            arrays = {key: np.concatenate([shard[key] for shard in shards]) for key in _ARRAYS}
+            index = np.repeat(np.arange(len(names)), [len(shard["held"]) for shard in shards])
+            workspace = Workspace.from_fields(config["workspace"])
         return cls(**arrays, shard_index=index, shards=len(names), workspace=workspace)
 
 
 def _read_config(folder: Path) -> dict[str, Any]:
     """Return what the folder's grasps were judged with; JudgedGraspsError where it does not say."""
     path = folder / CONFIG
-    config = json.loads(path.read_text()) if path.is_file() else {}
+    config = read_json_object(path, "what grasps were judged with") if path.is_file() else {}
     for name, what in (("workspace", "of which workspace"), ("shards", "in which shards")):
         if name not in config:
             raise JudgedGraspsError(f"{path} does not say {what} the judged grasps are")
-    return dict(config)
+    return config

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from split_drake.bad_input import require_numbers
 from split_drake.evaluation.judgement import judge_grasps
 from split_drake.evaluation.scenes import EvalMugs, EvalSubject
 from split_drake.evaluation.task_records import GraspTrials
@@ -52,6 +53,7 @@ class JudgeConfig:
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         for name in ("scenes_per_mug", "samples", "workers"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")

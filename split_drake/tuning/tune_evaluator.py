@@ -18,11 +18,10 @@ from typing import Any
 
 import numpy as np
 import torch
-import tyro
 from rich.console import Console
 
 from split_drake.data.dataset import SceneDataset
-from split_drake.experiments.command import told_in_a_sentence
+from split_drake.experiments.command import run_commands
 from split_drake.experiments.provenance import git_commit
 from split_drake.objects.mugs.split import mug_names
 from split_drake.pose_task import UnknownTaskError
@@ -110,8 +109,6 @@ def main(config: JudgeConfig | JudgeClutterConfig | TuneConfig) -> None:
 
 
 if __name__ == "__main__":
-    asked = tyro.extras.subcommand_cli_from_dict(
-        {"judge": JudgeConfig, "judge-clutter": JudgeClutterConfig, "tune": TuneConfig}
+    run_commands(
+        main, {"judge": JudgeConfig, "judge-clutter": JudgeClutterConfig, "tune": TuneConfig}
     )
-    with told_in_a_sentence():
-        main(asked)

@@ -11,11 +11,13 @@ from planning.geometry.perceived import DETAIL_VOXEL_M, voxel_centroids
 from planning.goals.hang import SUBGOAL as HANG
 from planning.goals.upright import SUBGOAL as REORIENT
 from planning.problem import PlanningProblem
-from planning.problem_files import compact, load_problems, save_problems
+from planning.problem_files import _checksum, compact, load_problems, save_problems
+from split_drake.files import MissingFileError, UnreadableFileError, read_npz
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP, PoseTask, Symmetry
 from split_drake.station.layout import HookShape, Layout, same_fixtures
 from split_drake.station.layout_file import layout_from_json, layout_to_json
+from tests.helpers.damage import times_told
 from tests.helpers.planning import LYING, STANDING, mug_problem
 
 Midway = Callable[[PlanningProblem], PlanningProblem]
@@ -127,11 +129,32 @@ def test_a_file_with_another_content_is_refused(tmp_path: Path) -> None:
         load_problems(path)
 
 
+def test_all_damage_is_told_with_the_path(tmp_path: Path) -> None:
+    save_problems(tmp_path / "p.npz", problems())
+    assert times_told(tmp_path / "p.npz", load_problems) > 50
+    with pytest.raises(MissingFileError, match=r"no file no.npz; expected a file of planning"):
+        load_problems("no.npz")
+
+
+def test_content_without_meaning_is_told_with_the_path(tmp_path: Path) -> None:
+    path = tmp_path / "p.npz"
+    save_problems(path, problems())
+    arrays = read_npz(path, "problems")
+    for name, value in (("subgoals", np.array(["fly"] * 3)), ("cloud_counts", np.zeros(3, int))):
+        changed = {**arrays, name: value}
+        del changed["sha256"], changed["format"]
+        sha256 = np.array(_checksum(changed))
+        changed |= {"format": np.array(2), "sha256": sha256}
+        np.savez_compressed(path, allow_pickle=False, **changed)
+        with pytest.raises(UnreadableFileError, match=f"^{path} is damaged|{path}.*fly"):
+            load_problems(path)
+
+
 @pytest.mark.parametrize("kept", [0.0, 0.5, 0.99])
 def test_a_file_cut_short_is_refused(tmp_path: Path, kept: float) -> None:
     path = tmp_path / "p.npz"
     save_problems(path, problems())
     content = path.read_bytes()
     path.write_bytes(content[: int(kept * len(content))])
-    with pytest.raises(ValueError, match="no readable collection"):
+    with pytest.raises(ValueError, match=r"p.npz is damaged or not a file of planning"):
         load_problems(path)

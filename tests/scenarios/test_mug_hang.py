@@ -112,8 +112,8 @@ def test_a_trial_that_throws_is_recorded(tmp_path: Path, monkeypatch: pytest.Mon
 
 def claimed(folder: Path, **options: Any) -> RunFolder[TrialRecord]:
     run = trial_run(folder)
-    run.claim(run_config(MugHangOptions(detector="oracle", **options)), FREE_KEYS)
-    return run
+    with run.claim(run_config(MugHangOptions(detector="oracle", **options)), FREE_KEYS):
+        return run
 
 
 def test_a_run_goes_on_after_a_kill(tmp_path: Path) -> None:

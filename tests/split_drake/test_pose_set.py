@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from split_drake.bad_input import BadInputError
+from split_drake.files import UnreadableFileError, read_npz
 from split_drake.pose_set import (
     PoseSet,
     ScoredPoses,
@@ -14,6 +16,7 @@ from split_drake.pose_set import (
 )
 from split_drake.pose_task import GRASP, HANDLE, UPRIGHT, PoseTask, Symmetry
 from split_drake.poses import make_pose, rotation_z
+from tests.helpers.damage import times_told
 
 
 def poses(count: int) -> np.ndarray:
@@ -143,3 +146,61 @@ def test_a_foreign_archive_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "other.npz", weights=np.zeros(3))
     with pytest.raises(ValueError, match="weights"):
         load_pose_sets(tmp_path / "other.npz")
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"cloud": np.zeros(3)}, r"cloud has shape \(3,\) and type float64; expected \(N, 3\)"),
+        ({"cloud": np.zeros((4, 2))}, r"cloud has shape \(4, 2\)"),
+        ({"cloud": np.array([["a", "b", "c"]])}, "cloud has shape .* and type <U1; expected"),
+        ({"cloud": np.full((1, 3), np.nan)}, "cloud holds NaN or infinite values"),
+        ({"lid/X_WPs": np.zeros(32)}, r"lid/X_WPs has shape \(32,\); expected \(N, 4, 4\)"),
+        ({"lid/X_WPs": np.zeros((2, 4, 4))}, "X_WPs of lid has a last row other than"),
+        ({"lid/scores": np.ones(3)}, r"scores have shape \(3,\); expected \(2,\)"),
+        ({"tasks": np.array("[{]")}, "is damaged or not a file of pose sets"),
+        ({"tasks": np.array('[{"name": "lid"}]')}, "'symmetry' is missing"),
+    ],
+)
+def test_what_is_no_pose_set_is_told_with_the_path(
+    tmp_path: Path, changed: dict[str, np.ndarray], message: str
+) -> None:
+    path = tmp_path / "poses.npz"
+    save_pose_sets(path, {"lid": PoseSet(LID, poses(2), np.ones(2))}, POINTS)
+    np.savez(path, allow_pickle=False, **{**read_npz(path, "poses"), **changed})
+    with pytest.raises(UnreadableFileError, match=message) as caught:
+        load_pose_sets(path)
+    assert str(caught.value).startswith(str(path))
+
+
+def test_all_damage_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "poses.npz"
+    save_pose_sets(path, {"lid": PoseSet(LID, poses(2), np.ones(2))}, POINTS)
+    assert times_told(path, load_pose_sets) > 50
+
+
+def test_a_cloud_that_could_not_be_loaded_is_not_saved(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"cloud has shape \(3, 4\)"):
+        save_pose_sets(tmp_path / "poses.npz", {}, np.zeros((3, 4)))
+    assert not (tmp_path / "poses.npz").exists()
+
+
+@pytest.mark.parametrize("scores", [np.ones(3), np.ones(7), np.ones((6, 1)), np.float64(1.0)])
+def test_poses_are_ranked_by_a_score_each(scores: np.ndarray) -> None:
+    with pytest.raises(BadInputError, match=r"6 poses of lid have scores .*expected \(6,\)"):
+        PoseSet.ranked(LID, poses(6), scores)
+
+
+def test_numbers_are_not_taken_for_poses() -> None:
+    with pytest.raises(ValueError, match=r"X_WPs of lid has shape \(2, 16\)"):
+        PoseSet(LID, np.zeros((2, 16)), np.ones(2))
+
+
+def test_parts_of_a_set_are_asked_for_in_numbers_that_it_has() -> None:
+    found = PoseSet(LID, poses(3), np.ones(3))
+    with pytest.raises(BadInputError, match="count is -1; expected how many poses"):
+        found.head(-1)
+    for kept in (np.array([True]), np.array([0, 2, 1]), np.ones((3, 1), bool)):
+        with pytest.raises(BadInputError, match=r"expected \(3,\) booleans, one for each pose"):
+            found.subset(kept)
+    assert len(found.subset(np.array([True, False, True]))) == 2

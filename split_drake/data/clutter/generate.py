@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from rich.progress import track
 
+from split_drake.bad_input import require_numbers
 from split_drake.data.clutter.labels import FALSE_KEPT, TRUE_KEPT
 from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScene, ClutterScenes
 from split_drake.data.clutter.sizes import clutter_source
@@ -84,13 +85,13 @@ def generate(recipe: ClutterRecipe, out: Path, shards: int, workers: int) -> Non
 
     Raises AnotherRunError where the folder holds scenes of another recipe.
     """
-    config = claim_folder(out, recipe.config())
-    missing = [number for number in range(shards) if not (out / _name(number)).exists()]
     make = partial(generate_shard, recipe, out)
-    pool = InThisProcess(make) if workers == 1 else WorkerPool(make, workers)
-    for _ in track(pool.run(missing), "shards", total=len(missing)):
-        pass
-    write_manifest(out, config)
+    with claim_folder(out, recipe.config()) as config:
+        missing = [number for number in range(shards) if not (out / _name(number)).exists()]
+        pool = InThisProcess(make) if workers == 1 else WorkerPool(make, workers)
+        for _ in track(pool.run(missing), "shards", total=len(missing)):
+            pass
+        write_manifest(out, config)
 
 
 def write_manifest(out: Path, config: dict[str, Any]) -> None:
@@ -131,6 +132,7 @@ class ClutterOptions:
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if self.scenes < SCENES_PER_SHARD or self.scenes % SCENES_PER_SHARD:
             raise ValueError(
                 f"scenes is {self.scenes}; expected a multiple of {SCENES_PER_SHARD}, at least one"

@@ -17,10 +17,11 @@ import shapely
 import trimesh
 from rich.progress import track
 
+from split_drake.bad_input import BadInputError, require_count
 from split_drake.data.clutter.sizes import clutter_source
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import InThisProcess, WorkerPool
-from split_drake.files import replacing
+from split_drake.files import interpreting, read_npz, replacing, split_rows
 from split_drake.grasps.clutter_judge import CONE_RAD, LEAST_QUALITY, LEAST_WIDTH_M
 from split_drake.grasps.judge import GraspJudge
 from split_drake.grasps.lying import grasps_from_above, resting_poses
@@ -49,6 +50,7 @@ SIFTED, KEPT, FALSE_KEPT = 250, 200, 60
 # Of false ones, those across what is too thin.
 THIN_KEPT = 40
 SURFACE_POINTS = 400
+_WHAT = "a library of grasps"
 # From this quality on, a grasp's weight is that of its steadiness.
 FULL_QUALITY = 0.6
 
@@ -223,26 +225,26 @@ class GraspLibrary:
 
     @classmethod
     def load(cls, path: Path, source: ObjectSource) -> Self:
-        """Return the library in a file; ValueError where it is of other objects."""
+        """Return the library in a file; BadInputError where it is damaged or of other objects."""
         if not path.is_file():
-            raise ValueError(
+            raise BadInputError(
                 f"{path} does not exist; python -m split_drake.data.clutter.library makes it"
             )
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        arrays = read_npz(path, _WHAT, required=("source_sha256", "names"))
         sha256 = str(arrays["source_sha256"])
         if sha256 != source.sha256():
-            raise ValueError(f"{path} holds grasps of other objects; make it anew")
-        parts = {
-            entry.name: np.split(
-                arrays[entry.name].astype(float), np.cumsum(arrays[f"{entry.name}_counts"])[:-1]
-            )
-            for entry in fields(ObjectGrasps)
-        }
-        grasps = {
-            str(name): ObjectGrasps(**{key: part[number] for key, part in parts.items()})
-            for number, name in enumerate(arrays["names"])
-        }
+            raise BadInputError(f"{path} holds grasps of other objects; make it anew")
+        with interpreting(path, _WHAT):
+            parts = {
+                entry.name: split_rows(
+                    arrays[entry.name].astype(float), arrays[f"{entry.name}_counts"], entry.name
+                )
+                for entry in fields(ObjectGrasps)
+            }
+            grasps = {
+                str(name): ObjectGrasps(**{key: part[number] for key, part in parts.items()})
+                for number, name in enumerate(arrays["names"])
+            }
         return cls(sha256, grasps)
 
 
@@ -259,6 +261,9 @@ class LibraryOptions:
     out: Path
     objects: Literal["train", "test"] = "train"
     workers: int = len(os.sched_getaffinity(0))
+
+    def __post_init__(self) -> None:
+        require_count("workers", self.workers, 1)
 
 
 def main(options: LibraryOptions) -> None:

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from split_drake.bad_input import require_numbers
 from split_drake.data.clutter.arrangements import Arrangement, packed, subsets
 from split_drake.data.clutter.labels import SceneGrasps, label_scene
 from split_drake.data.clutter.library import ClutterObject, GraspLibrary
@@ -55,6 +56,9 @@ class ClutterRecipe:
     layout: Layout
     views: ViewRandomization = field(default_factory=ViewRandomization)
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
 
     def config(self) -> dict[str, Any]:
         """Return all that the scenes depend on."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from split_drake.bad_input import require_numbers
 from split_drake.objects.procedural.split import ProceduralSource, Split
 from split_drake.objects.task_object import ObjectSource, TaskObject
 
@@ -25,6 +26,7 @@ class SizedSource:
     scales: tuple[float, float] = (0.7, 1.0)
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         low, high = self.scales
         if self.count < 1 or not 0.0 < low <= high:
             raise ValueError(

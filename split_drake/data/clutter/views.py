@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import trimesh
 
+from split_drake.bad_input import require_numbers
 from split_drake.camera import DepthView, Intrinsics, look_at
 from split_drake.data.clutter.library import ClutterObject
 from split_drake.data.randomization import DomainRandomization
@@ -35,6 +36,9 @@ class ViewRandomization:
     target_height_m: float = 0.05
     target_shift_m: float = 0.005
     missing: DomainRandomization = field(default_factory=DomainRandomization)
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
 
     def draw_camera(self, workspace: Workspace, rng: np.random.Generator) -> CameraPlacement:
         """Return a camera, the azimuth uniform."""

@@ -5,7 +5,6 @@ Tree Search, SIGGRAPH 2022.
 """
 
 import hashlib
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import manifold3d
 import numpy as np
 import trimesh
 
-from split_drake.files import replacing
+from split_drake.files import read_npz, replacing, split_rows
 from split_drake.objects.files.mesh_file import ObjectFileError, tidied
 from split_drake.objects.scanned.mass import is_closed
 from split_drake.poses import Array
@@ -98,9 +97,9 @@ def _sha256(mesh: trimesh.Trimesh) -> str:
 def _read(path: Path) -> list[Array] | None:
     """Return the hulls of a file; None where there is no whole one."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            return np.split(archive["vertices"], np.cumsum(archive["counts"])[:-1])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        arrays = read_npz(path, "hulls", required=("vertices", "counts"))
+        return split_rows(arrays["vertices"], arrays["counts"], "vertices")
+    except ValueError:
         return None
 
 

@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 import trimesh
 
+from split_drake.bad_input import require_numbers
 from split_drake.experiments.provenance import combined_sha256, file_sha256
 from split_drake.objects.convex_pieces import pieces_that_rest
 from split_drake.objects.files.decomposition import convex_hulls, convex_parts
@@ -62,6 +63,7 @@ class ObjectFolder:
     seen: Role = "collision"
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if not self.path.is_dir():
             raise ObjectFileError(f"{self.path} is no folder; expected one of URDF or mesh files")
         if not self.density_kg_m3 > 0.0:

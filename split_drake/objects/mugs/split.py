@@ -16,6 +16,7 @@ from typing import Literal, get_args
 import numpy as np
 from rich import print
 
+from split_drake.bad_input import require_count, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.files import write_json
 from split_drake.objects.mug_shape import InvalidMugError, MugShape
@@ -106,6 +107,11 @@ class SplitConfig:
     train: int = 200
     test: int = 40
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
+        require_count("train", self.train, 1)
+        require_count("test", self.test, 1)
 
 
 def write_split(config: SplitConfig) -> None:

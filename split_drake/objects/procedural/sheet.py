@@ -16,6 +16,7 @@ import trimesh
 from numpy.typing import NDArray
 from rich.progress import track
 
+from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.files import replacing
 from split_drake.objects.convex_pieces import piece_mesh
@@ -60,6 +61,7 @@ class SheetConfig:
     pixels: int = 120
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         for name in ("examples", "columns", "pixels"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")

@@ -19,6 +19,7 @@ import numpy as np
 from rich import print
 from rich.progress import track
 
+from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.files import write_json
@@ -194,6 +195,7 @@ class SplitConfig:
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         for name in ("train", "test", "workers"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")

@@ -22,10 +22,12 @@ from planning.motion.gcs import GcsMotion
 from planning.motion.regions import Regions, grow_regions, load_regions, save_regions
 from planning.planner import make_planner, planner_names
 from planning.problem import Plan
+from split_drake.files import UnreadableFileError, read_npz
 from split_drake.poses import Array, make_pose, transform_points
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.robot.panda import Q_HOME
 from split_drake.station.layout import Layout
+from tests.helpers.damage import times_told
 from tests.helpers.planning import LYING, STANDING, configuration, mug_cloud, mug_problem
 
 LEFT, RIGHT = (0.5, -0.12, 0.25), (0.5, 0.12, 0.25)
@@ -122,6 +124,12 @@ def test_grown_regions_hold_their_seed_and_are_nearly_free(tmp_path: Path) -> No
     again = load_regions(tmp_path / "r.npz")
     np.testing.assert_array_equal(again.polytopes[0].A(), regions.polytopes[0].A())
     np.testing.assert_array_equal(again.polytopes[0].b(), regions.polytopes[0].b())
+    assert times_told(tmp_path / "r.npz", load_regions) > 50
+    arrays = read_npz(tmp_path / "r.npz", "regions")
+    for name, value in (("A", np.zeros((len(arrays["b"]), 6))), ("edges", np.array([[0, 1]]))):
+        np.savez(tmp_path / "r.npz", allow_pickle=False, **{**arrays, name: value})
+        with pytest.raises(UnreadableFileError, match=r"r.npz is damaged or not a file of regions"):
+            load_regions(tmp_path / "r.npz")
 
 
 def test_a_regions_file_of_another_format_is_refused(tmp_path: Path) -> None:

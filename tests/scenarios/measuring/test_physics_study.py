@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenarios.measuring.physics_study import StudyOptions, main
+from scenarios.measuring.physics_study import StudyOptions, main, study_config
 from scenarios.study.cells import FACTORS, study_cells
 from scenarios.study.report import paired_p, study_rows, write_study
 from scenarios.study.trials import (
@@ -77,6 +77,8 @@ def test_a_study_of_one_trial_a_cell_goes_on_and_reports(tmp_path: Path) -> None
     options = StudyOptions(tmp_path, trials=1, factors=("mass",), hold_s=0.2, workers=1)
     (mass, *_), default = ([c for c in CELLS if c.factor == f] for f in ("mass", None))
     known = [record(0, "success", cell.name) for cell in (*default, mass)]
+    with study_run(tmp_path).claim(study_config(options)):
+        pass
     tmp_path.joinpath("trials.jsonl").write_text(
         "".join(json_line(each) + "\n" for each in known) + '{"cell":"ha'
     )

@@ -21,6 +21,7 @@ from split_drake.data.dataset import (
     decode_points,
     encode_points,
     read_shard,
+    write_shard,
 )
 from split_drake.data.generate import (
     DatasetRecipe,
@@ -35,6 +36,7 @@ from split_drake.data.object_scenes import NO_FEATURE
 from split_drake.data.randomization import DomainRandomization
 from split_drake.data.rests import Rests, load_rests
 from split_drake.experiments.run import AnotherRunError
+from split_drake.files import UnreadableFileError
 from split_drake.grasps.store import load_checked_grasps
 from split_drake.objects.mugs.split import load_mug
 from split_drake.objects.rigid import Primitive, RigidObject
@@ -365,9 +367,23 @@ def test_damaged_datasets_are_refused(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match=r"test_00\d\.npz is missing"):
         SceneDataset.open(tmp_path)
     for name in NAMES:
-        (tmp_path / f"{name}.npz").write_bytes((folder / f"{name}.npz").read_bytes()[:-1] + b"x")
+        (tmp_path / f"{name}.npz").write_bytes((folder / f"{name}.npz").read_bytes()[:-1000])
     with pytest.raises(DatasetError, match="has changed: SHA-256"):
         SceneDataset.open(tmp_path)
+    with pytest.raises(UnreadableFileError, match=r"test_00\d\.npz is damaged or not a shard"):
+        SceneDataset.open(tmp_path, verify=False)
+    for content in ("{", json.dumps({"format_version": 3}), json.dumps(manifest | {"config": {}})):
+        (tmp_path / MANIFEST).write_text(content)
+        with pytest.raises(UnreadableFileError, match=f"^{tmp_path / MANIFEST} is damaged or not"):
+            SceneDataset.open(tmp_path)
+
+
+def test_a_shard_lacks_no_array(folder: Path, tmp_path: Path) -> None:
+    shard = read_shard(folder / f"{NAMES[0]}.npz", MUG_TASKS)
+    del shard["grasp/states"]
+    write_shard(tmp_path / "s.npz", shard)
+    with pytest.raises(UnreadableFileError, match=r"s\.npz holds .*, but no 'grasp/states'"):
+        read_shard(tmp_path / "s.npz", MUG_TASKS)
 
 
 def test_a_dataset_says_where_table_hook_and_cameras_stand(tmp_path: Path) -> None:

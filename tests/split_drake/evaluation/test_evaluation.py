@@ -135,14 +135,16 @@ def test_all_poses_of_a_detector_without_samples_count_as_accepted() -> None:
 def test_records_survive_their_file_but_for_a_line_that_was_cut_off(tmp_path: Path) -> None:
     folder = evaluation_run(tmp_path)
     assert folder.records() == []
-    folder.claim({})
+    with folder.claim({}):
+        pass
     written = [scene_record(0), scene_record(1, good=False)]
     for record in written:
         folder.append(record)
     text = folder.log.read_text()
     folder.log.write_text(text + json_line(scene_record(2))[:-5])
     assert folder.records() == written
-    folder.claim({})
+    with folder.claim({}):
+        pass
     assert folder.log.read_text() == text
 
 

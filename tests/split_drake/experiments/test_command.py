@@ -66,7 +66,8 @@ def test_errors_of_input_are_of_one_kind() -> None:
 def test_a_folder_of_another_run_is_named_without_a_traceback(
     arguments: list[str], tmp_path: Path
 ) -> None:
-    claim_folder(tmp_path, {"commit": "another"})
+    with claim_folder(tmp_path, {"seed": "another"}):
+        pass
     run = subprocess.run(
         [sys.executable, "-m", *arguments, "--out", str(tmp_path)], capture_output=True, text=True
     )

@@ -2,6 +2,9 @@
 
 import multiprocessing
 import os
+import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from functools import partial
@@ -20,7 +23,8 @@ def square_or_die(item: int) -> int:
     return item * item
 
 
-def crashed(item: int) -> int:
+def crashed(item: int, reason: str) -> int:
+    assert reason == "the worker process died"
     return -item
 
 
@@ -121,3 +125,61 @@ def test_what_keeps_workers_from_starting_is_raised_at_once(tmp_path: Path) -> N
     with pytest.raises(ValueError, match="my detector's weights are missing"):
         list(pool.run(range(20)))
     assert len(list(tmp_path.iterdir())) <= 2
+
+
+def square_or_hang(item: int) -> int:
+    while item == 2:
+        time.sleep(60.0)
+    return item * item
+
+
+def told(item: int, reason: str) -> str:
+    return f"{item}: {reason}"
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_item_that_takes_too_long_is_ended_and_costs_no_other(workers: int) -> None:
+    pool = WorkerPool[int, int | str](square_or_hang, workers, told, limit_s=15.0)
+    found = list(pool.run(range(5)))
+    assert [each for each in found if isinstance(each, str)] == [
+        "2: it took longer than 15 s, and its worker process was killed"
+    ]
+    assert sorted(each for each in found if isinstance(each, int)) == [0, 1, 9, 16]
+
+
+def test_without_a_stand_in_items_that_took_too_long_are_named() -> None:
+    with pytest.raises(WorkerDiedError, match=r"longer than 5 s, and its .* was killed at 2$"):
+        list(WorkerPool(square_or_hang, 1, limit_s=5.0).run([2]))
+
+
+RUN_UNTIL_INTERRUPTED = """
+import sys
+from pathlib import Path
+from split_drake.experiments.pool import WorkerPool
+from tests.split_drake.experiments.test_pool import mark_and_hang
+if __name__ == "__main__":
+    try:
+        list(WorkerPool(mark_and_hang, workers=2).run([Path(sys.argv[1])] * 2))
+    except KeyboardInterrupt:
+        print("interrupted", flush=True)
+"""
+
+
+def mark_and_hang(marks: Path) -> str:
+    """Leave the process number, and never end."""
+    (marks / str(os.getpid())).touch()
+    while True:
+        time.sleep(60.0)
+
+
+def test_ctrl_c_does_not_wait_for_workers_that_hang(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", RUN_UNTIL_INTERRUPTED, str(tmp_path)]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert within(60.0, lambda: len(list(tmp_path.iterdir())) == 2)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does, the workers too
+    shown, errors = process.communicate(timeout=30.0)
+    assert (shown, errors, process.returncode) == ("interrupted\n", "", 0)
+    workers = [int(mark.name) for mark in tmp_path.iterdir()]
+    assert within(10.0, lambda: not any(map(alive, workers)))

@@ -1,5 +1,6 @@
 """What a run was made with."""
 
+import json
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from split_drake.experiments.provenance import (
     processor,
     qualified_name,
 )
-from split_drake.experiments.run import claim_folder
+from split_drake.experiments.run import CONFIG, claim_folder
 
 
 def test_another_edit_of_the_code_is_another_run(
@@ -25,11 +26,36 @@ def test_another_edit_of_the_code_is_another_run(
     module.parent.mkdir(parents=True)
     module.write_text("TRIES = 1\n")
     monkeypatch.setattr(provenance, "_ROOT", root)
-    claim_folder(run, code_version(), ())
-    claim_folder(run, code_version(), ())
+    for _ in range(2):
+        with claim_folder(run, code_version()):
+            pass
     module.write_text("TRIES = 2\n")
-    with pytest.raises(ValueError, match=r"holds another run.*code_sha256 was"):
-        claim_folder(run, code_version(), ())
+    with (
+        pytest.raises(ValueError, match=r"holds another run.*code_sha256 was"),
+        claim_folder(run, code_version()),
+    ):
+        pass
+
+
+def test_another_commit_of_the_same_code_is_the_same_run(tmp_path: Path) -> None:
+    before = code_version()
+    with claim_folder(tmp_path, before):
+        pass
+    after = before | {"commit": "0123456789"}
+    with claim_folder(tmp_path, after):
+        pass
+    assert json.loads((tmp_path / CONFIG).read_text())["commit"] == "0123456789"
+
+
+def test_a_readme_is_no_part_of_the_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(provenance, "_ROOT", tmp_path)
+    found = [code_sha256()]
+    for name in ("README.md", "planning/README.md", "models/hand.obj"):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("other")
+        found.append(code_sha256())
+    assert found[0] == found[1] == found[2] != found[3]
 
 
 def test_regions_are_part_of_the_code_and_problems_are_not(

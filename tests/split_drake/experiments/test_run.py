@@ -19,6 +19,7 @@ from split_drake.experiments.run import (
     json_line,
     read_json_lines,
 )
+from split_drake.files import UnreadableFileError
 
 CONFIG_OF_A_RUN = {"seed": 3, "mugs": "test", "workers": 2}
 
@@ -39,14 +40,20 @@ def run_in(path: Path) -> RunFolder[Outcome]:
 def run(tmp_path: Path) -> RunFolder[Outcome]:
     """Return a run in a new folder that was claimed for it."""
     run = run_in(tmp_path / "run")
-    run.claim(CONFIG_OF_A_RUN)
-    return run
+    with run.claim(CONFIG_OF_A_RUN):
+        return run
 
 
 @pytest.fixture
 def console() -> Console:
     """Return a console that keeps what is printed, without breaking lines."""
     return Console(file=io.StringIO(), width=1000)
+
+
+def claim(folder: Path, config: dict[str, Any]) -> None:
+    """Claim a folder and leave it to the next."""
+    with claim_folder(folder, config):
+        pass
 
 
 def printed(console: Console) -> list[str]:
@@ -57,32 +64,35 @@ def printed(console: Console) -> list[str]:
 def test_a_claim_keeps_what_was_asked_as_json_gives_it_back(tmp_path: Path) -> None:
     config = {"out": Path("a/b"), "pair": (1, 2), "pose": np.eye(2)}
     expected = {"out": "a/b", "pair": [1, 2], "pose": [[1.0, 0.0], [0.0, 1.0]]}
-    assert claim_folder(tmp_path / "new" / "run", config) == expected
+    with claim_folder(tmp_path / "new" / "run", config) as kept:
+        assert kept == expected
     assert json.loads((tmp_path / "new" / "run" / CONFIG).read_text()) == expected
-    assert claim_folder(tmp_path / "new" / "run", config) == expected
+    with claim_folder(tmp_path / "new" / "run", config) as kept:
+        assert kept == expected
 
 
 def test_another_run_is_refused_and_what_differs_is_named(tmp_path: Path) -> None:
-    claim_folder(tmp_path, CONFIG_OF_A_RUN)
+    claim(tmp_path, CONFIG_OF_A_RUN)
     other: dict[str, Any] = {"seed": 4, "mugs": "test", "noise_m": 0.1}
     with pytest.raises(AnotherRunError) as caught:
-        claim_folder(tmp_path, other)
+        claim(tmp_path, other)
     differing = "noise_m was None, is 0.1; seed was 3, is 4; workers was 2, is None"
     assert f"{tmp_path} holds another run ({differing})" in str(caught.value)
     assert json.loads((tmp_path / CONFIG).read_text()) == CONFIG_OF_A_RUN
 
 
 def test_long_values_are_cut_in_the_message(tmp_path: Path) -> None:
-    claim_folder(tmp_path, {"names": ["a"] * 1000})
+    claim(tmp_path, {"names": ["a"] * 1000})
     with pytest.raises(AnotherRunError, match=r"names was .*\.\.\., is \[\]") as caught:
-        claim_folder(tmp_path, {"names": []})
+        claim(tmp_path, {"names": []})
     assert len(str(caught.value)) < len(str(tmp_path)) + 200
 
 
 def test_free_keys_may_differ(tmp_path: Path) -> None:
-    claim_folder(tmp_path, CONFIG_OF_A_RUN)
+    claim(tmp_path, CONFIG_OF_A_RUN)
     faster = CONFIG_OF_A_RUN | {"workers": 8}
-    assert claim_folder(tmp_path, faster, free_keys=("workers",)) == faster
+    with claim_folder(tmp_path, faster, free_keys=("workers",)) as kept:
+        assert kept == faster
     assert json.loads((tmp_path / CONFIG).read_text()) == faster
 
 
@@ -106,8 +116,8 @@ def test_a_line_that_a_kill_cut_off_is_left_out_and_mended(run: RunFolder[Outcom
     with run.log.open("a") as log:
         log.write('{"number":1,"rea')
     assert run.records() == [Outcome(0)]
-    run.claim(CONFIG_OF_A_RUN)
-    run.append(Outcome(1))
+    with run.claim(CONFIG_OF_A_RUN):
+        run.append(Outcome(1))
     assert run.records() == [Outcome(0), Outcome(1)]
 
 
@@ -122,8 +132,11 @@ def test_other_bad_lines_are_named(run: RunFolder[Outcome]) -> None:
 
 def test_a_refused_claim_leaves_the_log_as_it_is(run: RunFolder[Outcome]) -> None:
     run.log.write_text('{"number":0,"rea')
-    with pytest.raises(AnotherRunError, match="seed was 3, is 4"):
-        run.claim(CONFIG_OF_A_RUN | {"seed": 4})
+    with (
+        pytest.raises(AnotherRunError, match="seed was 3, is 4"),
+        run.claim(CONFIG_OF_A_RUN | {"seed": 4}),
+    ):
+        pass
     assert run.log.read_text() == '{"number":0,"rea'
     assert read_json_lines(run.log) == []
 
@@ -181,3 +194,21 @@ def test_nothing_is_asked_for_or_shown_where_nothing_is_expected(
     run.collect(arriving(0, AssertionError("nobody asked")), 0, console)
     assert printed(console) == []
     assert run.records() == []
+
+
+@pytest.mark.parametrize("line", ['{"number":"1","size":2}', '{"reason":"none"}', "[1]", "7"])
+def test_lines_that_are_no_records_are_named(line: str, run: RunFolder[Outcome]) -> None:
+    run.append(Outcome(0))
+    with run.log.open("a") as log:
+        log.write(line + "\n")
+    with pytest.raises(UnreadableFileError, match=f"{run.log}:2"):
+        run.records()
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "\x00"])
+def test_a_damaged_config_is_named(content: str, run: RunFolder[Outcome]) -> None:
+    path = run.path / CONFIG
+    path.write_text(content)
+    with pytest.raises(UnreadableFileError, match=f"^{path} .*expected|^{path} is damaged or not"):
+        claim(run.path, CONFIG_OF_A_RUN)
+    assert path.read_text() == content

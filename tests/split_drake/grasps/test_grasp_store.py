@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from split_drake.files import UnreadableFileError, read_npz
 from split_drake.grasps.free_hand import MAX_SLIP_M, FreeHand
 from split_drake.grasps.judge import MIN_QUALITY, GraspJudge
 from split_drake.grasps.store import (
@@ -16,6 +17,7 @@ from split_drake.grasps.store import (
 )
 from split_drake.objects.mugs.split import Split, load_mug
 from split_drake.poses import make_pose, rotation_z
+from tests.helpers.damage import times_told
 from tests.helpers.stations import STATION
 
 
@@ -96,3 +98,16 @@ def test_shipped_outcomes_are_those_of_the_free_hand() -> None:
 def test_mugs_that_are_not_of_the_split_are_refused(name: str) -> None:
     with pytest.raises(GraspStoreError, match=f"{name}.*expected one of train's mugs"):
         load_checked_grasps("train", name)
+
+
+def test_a_damaged_store_is_told_with_its_path(tmp_path: Path) -> None:
+    path = tmp_path / "grasps.npz"
+    write_store(path, {"a": grasps(), "b": grasps()}, "1234")
+    assert times_told(path, lambda given: read_store(given, "1234")) > 50
+    arrays = read_npz(path, "store")
+    np.savez(path, allow_pickle=False, **{**arrays, "counts": np.array([2, 3])})
+    with pytest.raises(UnreadableFileError, match=rf"{path} is damaged .*its counts say 5 rows"):
+        read_store(path, "1234")
+    np.savez(path, mugs_sha256=np.array("1234"))
+    with pytest.raises(UnreadableFileError, match=f"{path} holds mugs_sha256, but no 'counts'"):
+        read_store(path, "1234")

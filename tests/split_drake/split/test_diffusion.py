@@ -79,7 +79,7 @@ def test_impossible_schedules_are_errors(bounds: tuple[float, float]) -> None:
     ("make", "name"),
     [
         (lambda: LangevinConfig(steps=0), "steps=0"),
-        (lambda: LangevinConfig(temperature=-1.0), "temperature=-1"),
+        (lambda: LangevinConfig(temperature=-1.0), "temperature is -1"),
         (lambda: LangevinConfig(final_steps=-1), "final_steps=-1"),
     ],
 )

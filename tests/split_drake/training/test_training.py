@@ -124,6 +124,10 @@ def test_states_that_cannot_be_used_are_errors(tmp_path: Path) -> None:
     torch.save({"network": {}}, path)
     with pytest.raises(trainer.StateError, match="is no state of a run; expected adam, average"):
         engine.restore(path)
+    for name, value in (("step", "x"), ("network", {"a": 1}), ("adam", []), ("generator", 3)):
+        torch.save(state | {name: value}, path)
+        with pytest.raises(trainer.StateError, match=f"{path} is no state of"):
+            engine.restore(path)
     torch.save(state, path)
     for damaged in (path.read_bytes()[:-1000], b"", b"not a state"):
         path.write_bytes(damaged)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from split_drake.data.clutter.library import GraspLibrary
 from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScene, ClutterScenes
-from split_drake.experiments.run import AnotherRunError
+from split_drake.experiments.run import AnotherRunError, claim_folder
 from split_drake.pose_set import ScoredPoses
 from split_drake.pose_task import PoseTask
 from split_drake.poses import make_pose, rotation_x
@@ -87,10 +88,14 @@ def judging(
 def test_shards_are_of_scenes_of_their_own(
     judging: JudgeClutterConfig, recipe: ClutterRecipe
 ) -> None:
-    for name in judging.names():
-        write_judged_clutter(judging, recipe, name)
     record = judging.record() | {"workspace": {"p_WCenter": [0.5, 0.0, 0.0]}}
-    write_missing(judging.out, record, judging.names(), pytest.fail, workers=1)
+    write_in_this_process(
+        judging.out,
+        record,
+        judging.names(),
+        partial(write_judged_clutter, judging, recipe),
+        workers=1,
+    )
     read = JudgedGrasps.open(judging.out)
     assert (read.sampled.shape, read.held.shape) == ((4, 3, 4, 4), (4, 3))
     assert len(np.unique(read.clouds.mean(axis=(1, 2)))) == 4
@@ -113,9 +118,10 @@ def test_judging_goes_on_only_where_it_was_the_same(
 
 def write_in_this_process(out, record, names, write, workers) -> None:  # type: ignore[no-untyped-def]
     """Write all shards here, where what is patched holds."""
-    for name in names:
-        write(name)
-    write_missing(out, record, names, write, workers)
+    with claim_folder(out, record | {"shards": list(names)}):
+        for name in names:
+            write(name)
+    write_missing(out, record, names, pytest.fail, workers)
 
 
 def test_impossible_counts_are_named(judging: JudgeClutterConfig) -> None:

@@ -1,7 +1,7 @@
 """Grasps that a model draws are tried in physics, and teach its evaluator alone."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ import torch
 
 from split_drake.data.object_scenes import ObjectScene
 from split_drake.evaluation.scenes import EvalMugs
-from split_drake.experiments.run import AnotherRunError
+from split_drake.experiments.run import AnotherRunError, claim_folder
 from split_drake.grasps.free_hand import GraspOutcome
 from split_drake.objects.mugs.split import load_mug
 from split_drake.pose_set import ScoredPoses
@@ -190,10 +190,17 @@ def judging(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> JudgeConfig:
     return JudgeConfig(checkpoint=checkpoint, out=tmp_path / "judged", scenes_per_mug=3, workers=1)
 
 
+def judge_in_this_process(judging: JudgeConfig, names: list[str]) -> None:
+    """Judge here, where what is patched holds."""
+    record = judging.record() | {"workspace": asdict(Layout().workspace), "shards": names}
+    with claim_folder(judging.out, record):
+        for name in names:
+            judged_mugs.write_judged(judging, Layout(), name)
+
+
 def test_judged_grasps_are_kept_by_mug(judging: JudgeConfig) -> None:
     names = ["train_000", "train_001"]
-    for name in names:
-        judged_mugs.write_judged(judging, Layout(), name)
+    judge_in_this_process(judging, names)
     judged_mugs.judge(judging, names, Layout())
     read = JudgedGrasps.open(judging.out)
     assert read.clouds.shape == (6, 2000, 3)
@@ -209,7 +216,7 @@ def test_judged_grasps_are_kept_by_mug(judging: JudgeConfig) -> None:
 
 
 def test_judging_goes_on_only_where_it_was_the_same(judging: JudgeConfig) -> None:
-    judged_mugs.write_judged(judging, Layout(), "train_000")
+    judge_in_this_process(judging, ["train_000"])
     shard = judging.out / "train_000.npz"
     before = shard.stat().st_mtime_ns
     judged_mugs.judge(judging, ["train_000"], Layout())

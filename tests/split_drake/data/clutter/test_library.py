@@ -17,6 +17,7 @@ from split_drake.grasps.clutter_judge import ClutterJudge
 from split_drake.grasps.judge import GraspJudge
 from split_drake.grasps.lying import resting_poses
 from split_drake.robot.gripper import MAX_OPENING_M
+from tests.helpers.damage import times_told
 from tests.split_drake.data.clutter.conftest import BODIES, Blocks
 from tests.split_drake.station.solids import solid_box
 
@@ -87,3 +88,9 @@ def test_an_object_knows_what_it_covers(can: ClutterObject) -> None:
     assert can.lowest_m == 0.0
     radii = np.hypot(*can.p_OSurface[:, :2].T)
     assert radii.max() == pytest.approx(0.025, abs=1e-3)
+
+
+def test_a_damaged_library_is_told_with_its_path(library: GraspLibrary, tmp_path: Path) -> None:
+    path = tmp_path / "library.npz"
+    library.save(path)
+    assert times_told(path, lambda given: GraspLibrary.load(given, Blocks())) > 50
