@@ -190,7 +190,9 @@ class Plan:
 class Stage(StrEnum):
     """Where a trial can fail.
 
-    ERROR: simulator, detector or planner raised or crashed; the record has the traceback.
+    CHECK: an independent check found that a plan must not be executed.
+    ERROR: simulator, detector or planner raised, crashed, or took too long; the record has the
+    traceback of what was raised.
     """
 
     PERCEPTION = "perception"
@@ -198,6 +200,7 @@ class Stage(StrEnum):
     GRASP = "grasp"
     TRANSPORT = "transport"
     PLACEMENT = "placement"
+    CHECK = "refused by the checker"
     ERROR = "error"
 
 

@@ -55,8 +55,8 @@ class MugHangOptions:
             noise on every pose of the oracle, drawn by the trial's seed.
         feedback: look at what was lifted and place it as it lies in the hand, and try again what
             failed; else plans are executed as they are.
-        check_plans: check every plan that is executed independently, see
-            planning.checking.checked_planner; counts as planning time.
+        check_plans: check every plan independently, see planning.checking.checked_planner; one with
+            a fault is not executed, and its trial has failed.  Counts as planning time.
         workers: processes; outcomes do not depend on them.
         record: which trials keep a recording and the pose sets they perceived.
         limit_s: a trial that takes longer is ended, and recorded as an error; so generous that no

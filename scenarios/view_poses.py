@@ -14,6 +14,7 @@ import numpy as np
 import tyro
 
 from scenarios.viewing.pose_drawing import ColoredSegments, score_bands
+from scenarios.viewing.static_page import static_visualizer
 from split_drake.bad_input import require_count
 from split_drake.experiments.command import run_command
 from split_drake.files import write_atomically
@@ -66,22 +67,19 @@ def _draw_segments(path: meshcat.Visualizer, colored: ColoredSegments) -> None:
 
 def render_page(pose_sets: PoseSets, p_WPs: Array) -> str:
     """Return a self-contained HTML page with the cloud (N, 3) and the pose sets in W."""
-    visualizer = meshcat.Visualizer()
-    try:
-        # The camera orbits the origin, so the scene is moved there.
-        scene = visualizer["scene"]
-        scene.set_transform(make_pose(p=-p_WPs.mean(axis=0)))
-        _draw_cloud(scene["cloud"], p_WPs)
-        for name, pose_set in pose_sets.items():
-            for band, colored in enumerate(score_bands(pose_set)):
-                _draw_segments(scene[name][f"band_{band}"], colored)
-        for helper in ("/Axes", "/Grid", "/Background"):
-            visualizer[helper].set_property("visible", False)
-        # In the axes of three.js, whose y is up.
-        visualizer["/Cameras/default/rotated/<object>"].set_property("position", [0.18, 0.2, 0.18])
-        return str(visualizer.window.get_scene())
-    finally:
-        visualizer.window.server_proc.kill()
+    visualizer, window = static_visualizer()
+    # The camera orbits the origin, so the scene is moved there.
+    scene = visualizer["scene"]
+    scene.set_transform(make_pose(p=-p_WPs.mean(axis=0)))
+    _draw_cloud(scene["cloud"], p_WPs)
+    for name, pose_set in pose_sets.items():
+        for band, colored in enumerate(score_bands(pose_set)):
+            _draw_segments(scene[name][f"band_{band}"], colored)
+    for helper in ("/Axes", "/Grid", "/Background"):
+        visualizer[helper].set_property("visible", False)
+    # In the axes of three.js, whose y is up.
+    visualizer["/Cameras/default/rotated/<object>"].set_property("position", [0.18, 0.2, 0.18])
+    return window.page("pose sets")
 
 
 def main(options: ViewOptions) -> Path:

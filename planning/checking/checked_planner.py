@@ -7,7 +7,7 @@ from planning.checking.trajectory_check import TrajectoryChecker
 from planning.checking.violation import Violation
 from planning.geometry.perceived import voxel_centroids
 from planning.planner import Planner
-from planning.problem import Plan, PlanFailure, PlanningProblem
+from planning.problem import Plan, PlanFailure, PlanningProblem, Stage
 from split_drake.station.layout import Layout, same_fixtures
 
 # Plans are checked against the perceived cloud, thinned to voxels of this edge.
@@ -38,7 +38,9 @@ class PlanChecker:
 
 
 class CheckedPlanner:
-    """Plans as another planner does, and collects what the independent check finds wrong.
+    """Plans as another planner does, but for plans in which the independent check finds a fault.
+
+    These are no plans: a failure at Stage.CHECK stands for them, and they are not executed.
 
     Attributes:
         violations: of all plans so far.
@@ -53,11 +55,15 @@ class CheckedPlanner:
         self._checker: PlanChecker | None = None
 
     def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
-        """Return the other planner's outcome, checked where it is a plan."""
+        """Return the other planner's outcome; a failure where that is a plan with a fault."""
         outcome = self._planner.plan(problem, rng)
-        if isinstance(outcome, Plan):
-            self.violations += self._checker_of(problem).violations(outcome, problem)
-        return outcome
+        if not isinstance(outcome, Plan):
+            return outcome
+        found = self._checker_of(problem).violations(outcome, problem)
+        self.violations += found
+        if not found:
+            return outcome
+        return PlanFailure(Stage.CHECK, "; ".join(map(str, found)), outcome.statistics)
 
     def _checker_of(self, problem: PlanningProblem) -> PlanChecker:
         if self._checker is None or not same_fixtures(problem.layout, self._checker.layout):

@@ -103,7 +103,7 @@ class _Trial:
         started_s, begun = self._station.time_s, time.monotonic()
         result = self._sequence().reach(self._spec.task, self._rngs.planner)
         executed = time.monotonic()
-        verdict = self._judge(result)
+        verdict, outcome = self._judge(result)
         judged = time.monotonic()
         return TrialRecord(
             index=self._spec.index,
@@ -111,7 +111,7 @@ class _Trial:
             mug=self.setup.mug.body.name,
             mug_diameter_m=self.setup.mug.outer_diameter_m,
             mesh_sha256=self._spec.mugs.mesh_sha256(self.setup.mug.body.name),
-            outcome=SUCCESS if verdict.success else result.stage or Stage.PLACEMENT,
+            outcome=outcome,
             reason=verdict.reason,
             attempts=tuple(_attempt_record(attempt) for attempt in result.attempts),
             redraws=dict(self.setup.redraws),
@@ -159,11 +159,15 @@ class _Trial:
             self._recorder.hide_perception(self._station.time_s)
         self._lifting = lifting
 
-    def _judge(self, result: SequenceResult) -> Verdict:
+    def _judge(self, result: SequenceResult) -> tuple[Verdict, str]:
+        """Return the verdict, and the outcome in a word: a plan with a fault is a failure."""
+        if faults := self._violations():
+            return Verdict(False, "; ".join(faults)), Stage.CHECK
         if not result.completed:
-            return Verdict(False, result.reason)
+            return Verdict(False, result.reason), result.stage or Stage.PLACEMENT
         judge = mug_task(self._spec.task).judge
-        return judge(self._station, self.setup.truth, self.setup.mug, result)
+        verdict = judge(self._station, self.setup.truth, self.setup.mug, result)
+        return verdict, SUCCESS if verdict.success else Stage.PLACEMENT
 
     def _save_recording(self, verdict: Verdict) -> str | None:
         """Keep what was perceived and recorded where it is wanted; return the page's name."""

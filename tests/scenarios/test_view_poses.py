@@ -1,11 +1,18 @@
 """Saved pose sets as pages."""
 
+import ast
+import base64
+import re
+import socket
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
+import umsgpack
+from meshcat.visualizer import ViewerWindow
 
-from scenarios.view_poses import ViewOptions, main
+from scenarios.view_poses import ViewOptions, main, render_page
 from scenarios.viewing.pose_drawing import (
     pose_segments,
     score_bands,
@@ -85,6 +92,39 @@ def test_a_saved_set_becomes_a_page(tmp_path: Path) -> None:
     assert page == tmp_path / "poses.html"
     assert text.lstrip().lower().startswith("<!doctype html>")
     assert len(text) > 100_000  # the viewer is inside
+
+
+def test_a_page_is_written_without_a_server_or_a_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("a socket or a process was asked for")
+
+    monkeypatch.setattr(socket.socket, "bind", refuse)
+    monkeypatch.setattr(subprocess, "Popen", refuse)
+    monkeypatch.setattr(ViewerWindow, "__init__", refuse)
+    pose_set = PoseSet.ranked(GRASP, np.eye(4)[None], np.array([0.7]))
+    save_pose_sets(tmp_path / "poses.npz", {"grasp": pose_set}, np.zeros((5, 3)))
+    text = main(ViewOptions(tmp_path / "poses.npz")).read_text()
+    shown = "".join(capfd.readouterr())
+    assert "http" not in shown and "visit" not in shown
+    assert "MeshCat.Viewer(" in text
+
+
+def test_a_page_holds_what_was_drawn() -> None:
+    cloud = np.array([[0.5, 0.0, 0.1], [0.5, 0.2, 0.1]])
+    pose_set = PoseSet.ranked(GRASP, np.eye(4)[None], np.array([0.7]))
+    page = render_page({"grasp": pose_set}, cloud)
+    (listed,) = re.findall(r"for \(const text of (\[.*?\])\)", page)
+    commands = [umsgpack.unpackb(base64.b64decode(text)) for text in ast.literal_eval(listed)]
+    paths = [(each["type"], each["path"]) for each in commands]
+    assert paths[0] == ("set_transform", "/meshcat/scene")
+    assert ("set_object", "/meshcat/scene/cloud") in paths
+    assert sum("/scene/grasp/band_" in path for _, path in paths) == 1
+    moved = np.reshape(commands[0]["matrix"], (4, 4)).T
+    np.testing.assert_allclose(moved[:3, 3], (-0.5, -0.1, -0.1))
+    geometry = commands[1]["object"]["geometries"][0]["data"]["attributes"]["position"]["array"]
+    np.testing.assert_allclose(np.frombuffer(geometry.data, np.float32), cloud.ravel())
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

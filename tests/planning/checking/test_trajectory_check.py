@@ -184,11 +184,37 @@ class _Answers:
         return next(self._answers)
 
 
-def test_a_checked_planner_collects_what_is_wrong_and_changes_nothing() -> None:
+def test_a_checked_planner_passes_on_what_is_sound_and_refuses_the_rest() -> None:
     broken = changed(SegmentName.CLOSE, without_contacts)
-    answers = (hang_plan(), PlanFailure(Stage.PLANNING, "no way"), broken)
-    planner, rng = CheckedPlanner(_Answers(*answers)), np.random.default_rng(0)
+    sound = (hang_plan(), PlanFailure(Stage.PLANNING, "no way"))
+    planner, rng = CheckedPlanner(_Answers(*sound, broken)), np.random.default_rng(0)
     problem = mug_problem(HANG, STANDING)
-    found = [len(planner.violations) for answer in answers if planner.plan(problem, rng) is answer]
-    assert found == [0, 0, 1]
+    assert [planner.plan(problem, rng) for _ in sound] == list(sound)
+    assert planner.violations == []
+    refused = planner.plan(problem, rng)
     assert planner.violations[0].name == SegmentName.CLOSE
+    assert refused == PlanFailure(Stage.CHECK, str(planner.violations[0]), broken.statistics)
+
+
+def jumping(segment: Segment) -> Segment:
+    """Turn the last joint by 2 rad from one sample to the next, and stay there."""
+    qs = segment.trajectory.qs.copy()
+    qs[len(qs) // 2 :, 6] += 2.0
+    return replace(segment, trajectory=replace(segment.trajectory, qs=qs))
+
+
+def out_of_range(segment: Segment) -> Segment:
+    """Bend the elbow to where no elbow goes, and back."""
+    qs = segment.trajectory.qs.copy()
+    qs[1:-1, 3] += 3.0
+    return replace(segment, trajectory=replace(segment.trajectory, qs=qs))
+
+
+@pytest.mark.parametrize("change", [jumping, out_of_range])
+def test_plans_that_no_arm_can_follow_are_refused(change: Callable[[Segment], Segment]) -> None:
+    broken = changed(SegmentName.TRANSFER, change)
+    planner = CheckedPlanner(_Answers(broken))
+    refused = planner.plan(mug_problem(HANG, STANDING), np.random.default_rng(0))
+    assert isinstance(refused, PlanFailure)
+    assert refused.stage is Stage.CHECK
+    assert "transfer" in refused.reason
