@@ -229,6 +229,8 @@ class PlanningProblem:
         X_WGfailed: (F, 4, 4) grasps (releases, where the object is held) that failed before and
             shall not be tried again, nor any like them: `planning.geometry.modes.away_from` says
             which.
+        p_WObstacles: (O, 3) points of everything else in view, metres in W: neither the robot nor
+            what it holds may touch them.
     """
 
     subgoal: Subgoal
@@ -238,6 +240,7 @@ class PlanningProblem:
     layout: Layout
     held_width_m: float | None = None
     X_WGfailed: Array = field(default_factory=lambda: np.empty((0, 4, 4)))
+    p_WObstacles: Array = field(default_factory=lambda: np.empty((0, 3)))
 
     def __post_init__(self) -> None:
         require_numbers(self)
@@ -250,4 +253,8 @@ class PlanningProblem:
         if np.shape(self.X_WGfailed)[1:] != (4, 4):
             raise ValueError(
                 f"X_WGfailed has shape {np.shape(self.X_WGfailed)}; expected (F, 4, 4)"
+            )
+        if np.shape(self.p_WObstacles)[1:] != (3,):
+            raise ValueError(
+                f"p_WObstacles has shape {np.shape(self.p_WObstacles)}; expected (O, 3)"
             )

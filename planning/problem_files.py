@@ -24,9 +24,10 @@ from split_drake.pose_task import MUG_TASKS, PoseTask
 from split_drake.poses import Array, make_pose
 from split_drake.station.layout_file import layout_from_json, layout_to_json
 
-FORMAT = 2
-# Files of the first format do not say what their tasks are: those of mugs.
-_FORMATS = (1, FORMAT)
+FORMAT = 3
+# Files of the first format do not say what their tasks are: those of mugs.  Before the third none
+# had obstacles.
+_FORMATS = (1, 2, FORMAT)
 LENGTH_STEP_M = 1e-4
 ANGLE_STEP_RAD = 1e-4
 SCORE_STEP = 1.0 / np.iinfo(np.uint16).max
@@ -39,7 +40,7 @@ SHIPPED_PROBLEMS = MODELS_FOLDER / "problems" / "mugs.npz"
 def compact(
     problem: PlanningProblem, max_poses: Mapping[str, int], otherwise: int
 ) -> PlanningProblem:
-    """Return the problem with its cloud thinned and the best poses of each task.
+    """Return the problem with its clouds thinned and the best poses of each task.
 
     Of tasks that `max_poses` does not name `otherwise` poses are kept.
 
@@ -50,7 +51,12 @@ def compact(
         name: poses.head(max_poses.get(name, otherwise))
         for name, poses in problem.pose_sets.items()
     }
-    return replace(problem, pose_sets=sets, p_WPs=voxel_centroids(problem.p_WPs, DETAIL_VOXEL_M))
+    return replace(
+        problem,
+        pose_sets=sets,
+        p_WPs=voxel_centroids(problem.p_WPs, DETAIL_VOXEL_M),
+        p_WObstacles=voxel_centroids(problem.p_WObstacles, DETAIL_VOXEL_M),
+    )
 
 
 def save_problems(path: Path, problems: Mapping[str, PlanningProblem]) -> None:
@@ -93,21 +99,29 @@ def load_problems(path: Path | str) -> dict[str, PlanningProblem]:
 def _to_arrays(names: Sequence[str], problems: Sequence[PlanningProblem]) -> Arrays:
     layouts = [layout_to_json(problem.layout) for problem in problems]
     distinct = list(dict.fromkeys(layouts))
-    clouds = [_quantised(problem.p_WPs, LENGTH_STEP_M) for problem in problems]
     arrays: Arrays = {
         "names": np.array(names, dtype=np.str_),
         "subgoals": np.array([problem.subgoal.name for problem in problems], dtype=np.str_),
         "layouts": np.array(distinct, dtype=np.str_),
         "layout_of": np.array([distinct.index(layout) for layout in layouts], dtype=np.int32),
         "q_starts": np.array([problem.q_start for problem in problems]).reshape(-1, 7),
-        "cloud": np.concatenate([np.empty((0, 3), np.int16), *clouds]),
-        "cloud_counts": np.array([len(cloud) for cloud in clouds], dtype=np.int32),
+        **_cloud_arrays("cloud", [problem.p_WPs for problem in problems]),
+        **_cloud_arrays("obstacles", [problem.p_WObstacles for problem in problems]),
     }
     tasks = _tasks_of(problems)
     arrays["tasks"] = np.array(json.dumps([asdict(task) for task in tasks]))
     for task in tasks:
         arrays |= _task_arrays(task, [problem.pose_sets.get(task.name) for problem in problems])
     return arrays
+
+
+def _cloud_arrays(name: str, clouds: Sequence[Array]) -> Arrays:
+    """Return clouds (N, 3) of all problems, one after the other, and how many points each has."""
+    kept = [_quantised(cloud, LENGTH_STEP_M) for cloud in clouds]
+    return {
+        name: np.concatenate([np.empty((0, 3), np.int16), *kept]),
+        f"{name}_counts": np.array([len(cloud) for cloud in kept], dtype=np.int32),
+    }
 
 
 def _tasks_of(problems: Sequence[PlanningProblem]) -> tuple[PoseTask, ...]:
@@ -144,7 +158,8 @@ def _task_arrays(task: PoseTask, pose_sets: Sequence[PoseSet | None]) -> Arrays:
 
 def _from_arrays(arrays: Arrays) -> dict[str, PlanningProblem]:
     layouts = [layout_from_json(str(text)) for text in arrays["layouts"]]
-    clouds = _split(arrays["cloud"] * LENGTH_STEP_M, arrays["cloud_counts"])
+    clouds = _clouds("cloud", arrays)
+    obstacles = _clouds("obstacles", arrays) if "obstacles" in arrays else None
     sets = {task.name: _pose_sets(task, arrays) for task in _tasks_in(arrays)}
     problems = {}
     for index, name in enumerate(arrays["names"]):
@@ -155,6 +170,7 @@ def _from_arrays(arrays: Arrays) -> dict[str, PlanningProblem]:
             p_WPs=clouds[index],
             q_start=arrays["q_starts"][index],
             layout=layouts[arrays["layout_of"][index]],
+            p_WObstacles=np.empty((0, 3)) if obstacles is None else obstacles[index],
         )
     return problems
 
@@ -167,6 +183,11 @@ def _pose_sets(task: PoseTask, arrays: Arrays) -> list[PoseSet | None]:
     counts = arrays[f"{task}/counts"]
     pieces = zip(counts, _split(X_WPs, counts), _split(scores, counts), strict=True)
     return [None if n == _MISSING else PoseSet(task, X, score) for n, X, score in pieces]
+
+
+def _clouds(name: str, arrays: Arrays) -> list[Array]:
+    """Return the cloud (N, 3) of each problem, as `_cloud_arrays` wrote it."""
+    return _split(arrays[name] * LENGTH_STEP_M, arrays[f"{name}_counts"])
 
 
 def _split(rows: Array, counts: NDArray) -> list[Array]:

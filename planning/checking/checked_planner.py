@@ -34,7 +34,8 @@ class PlanChecker:
         What it touches is looked at where it is a plan for the problem at all.
         """
         found = contract_violations(plan, problem)
-        return found or self._trajectories.violations(plan, check_points(problem))
+        others = voxel_centroids(problem.p_WObstacles, CHECK_VOXEL_M)
+        return found or self._trajectories.violations(plan, check_points(problem), others)
 
 
 class CheckedPlanner:

@@ -14,6 +14,7 @@ from planning.checking.violation import Violation
 from planning.geometry.perceived import PerceivedObject
 from planning.geometry.waypoints import place_grasp
 from planning.problem import SAMPLE_S, Plan, PlanningProblem, Segment, SegmentName
+from split_drake.objects_in_view import objects_in_view, owners
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import UPRIGHT
 from split_drake.poses import Array, invert_pose, rotation_error_rad, transform_points
@@ -110,6 +111,8 @@ def _of_ends(plan: Plan, problem: PlanningProblem) -> Iterator[str]:
         yield f"starts {jump:.4f} rad from q_start"
     if plan.pick and not _between_pads(plan.X_WGrasp, problem):
         yield "closes where no point of the object is between the pads"
+    if plan.pick and not _of_one_object(plan, problem):
+        yield "takes one object, and places a frame of another"
     poses = problem.pose_sets[problem.subgoal.task.name]
     if not _detected(plan.X_WObject, poses):
         yield f"places an X_WObject that no {poses.task} pose of the problem is like"
@@ -127,6 +130,15 @@ def _detected(X_WO: Array, poses: PoseSet) -> bool:
     distances = np.linalg.norm(poses.X_WPs[:, :3, 3] - X_WO[:3, 3], axis=1)
     angles = poses.task.symmetry.rotation_error_rad(poses.X_WPs[:, :3, :3], X_WO[:3, :3])
     return bool(np.any((distances < DETECTED_M) & (angles < DETECTED_RAD)))
+
+
+def _of_one_object(plan: Plan, problem: PlanningProblem) -> bool:
+    """Return whether grasp and placed frame belong to one object, of those that the cloud shows."""
+    objects = objects_in_view(problem.p_WPs)
+    if len(objects) < 2:
+        return True
+    taken, placed = owners(np.stack([plan.X_WGrasp, plan.X_WObject]), objects)
+    return bool(taken == placed)
 
 
 def _between_pads(X_WG: Array, problem: PlanningProblem) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import GeometryId, QueryObject, SignedDistanceToPoint
 from pydrake.planning import RobotDiagramBuilder
+from scipy.spatial import cKDTree
 
 from planning.checking.violation import Violation
 from planning.collision.exemptions import (
@@ -76,13 +77,17 @@ class TrajectoryChecker:
         hook = plant.GetBodyByName(HOOK_BODY)
         self._peg = plant.GetCollisionGeometriesForBody(hook)[0]
 
-    def violations(self, plan: Plan, p_WPs: Array) -> list[Violation]:
+    def violations(
+        self, plan: Plan, p_WPs: Array, p_WObstacles: Array | None = None
+    ) -> list[Violation]:
         """Return what is wrong with the plan; empty where nothing is.
 
         Args:
             plan: to be checked.
             p_WPs: (N, 3) points on the object's surface before the pick.
+            p_WObstacles: (O, 3) points on the surfaces of other things, which nothing may touch.
         """
+        others = np.empty((0, 3)) if p_WObstacles is None else p_WObstacles
         tubes = {
             felt: peg_tube(p_WPs, plan.X_WObject, plan.X_WGoal, MAX_LOWERING_M * felt)
             for felt in (False, True)
@@ -96,7 +101,7 @@ class TrajectoryChecker:
             X_WGEnd = X_WGRelease if picked else X_WGrasp
             standing = transform_points(X_WGEnd, p_GPs)
             points = p_GPs if segment.holding else standing
-            what = self._first_contact(segment, points, tubes[segment.stop_on_contact])
+            what = self._first_contact(segment, points, tubes[segment.stop_on_contact], others)
             what = what or self._first_far_exemption(segment, X_WGEnd[:3, 3])
             what = what or _unfelt_table(segment)
             if what:
@@ -121,11 +126,14 @@ class TrajectoryChecker:
         self._plant.SetPositions(self._plant_context, self._panda, positions)
         return self._plant.get_geometry_query_input_port().Eval(self._plant_context)
 
-    def _first_contact(self, segment: Segment, points: Array, exempt: NDArray[np.bool_]) -> str:
+    def _first_contact(
+        self, segment: Segment, points: Array, exempt: NDArray[np.bool_], p_WObstacles: Array
+    ) -> str:
         """Return the first undeclared contact of a segment, or an empty string.
 
         `points` (N, 3) are in G where the object is held, else in W.
         """
+        others = cKDTree(p_WObstacles)
         openings = {float(np.clip(m, 0.0, MAX_OPENING_M)) for m in segment.openings_m}
         z_WGStart = self._pose_at(segment.trajectory.qs[0])[2, 3]
         for q, opening_m in product(fine_steps(segment.trajectory.qs), openings):
@@ -134,6 +142,9 @@ class TrajectoryChecker:
             low = X_WG[2, 3] - z_WGStart <= TABLE_LIFT_M
             query = self._query(q, opening_m)
             what = self._overlap(query) or self._touched(query, segment, p_WPs, exempt, low)
+            what = what or self._robot_beside(query, p_WObstacles)
+            if segment.holding:
+                what = what or _held_beside(p_WPs, others)
             if what:
                 return f"{what} at q = {np.round(q, 3)}"
         return ""
@@ -163,6 +174,15 @@ class TrajectoryChecker:
             for hit in query.ComputeSignedDistanceToPoint(point, TOUCH_M):
                 if not self._declared(hit, segment, bool(spared), on_table):
                     return f"the object is {1e3 * hit.distance:.1f} mm from {self._body(hit.id_G)}"
+        return ""
+
+    def _robot_beside(self, query: QueryObject, p_WObstacles: Array) -> str:
+        """Return what of the robot touches another thing (O, 3), or an empty string."""
+        for point in p_WObstacles:
+            for hit in query.ComputeSignedDistanceToPoint(point, TOUCH_M):
+                body = self._body(hit.id_G)
+                if body.startswith("panda"):
+                    return f"{body} is {1e3 * hit.distance:.1f} mm from another thing"
         return ""
 
     def _declared(
@@ -200,6 +220,14 @@ class TrajectoryChecker:
     def _body(self, geometry: GeometryId) -> str:
         frame = self._inspector.GetFrameId(geometry)
         return str(self._plant.GetBodyFromFrameId(frame).name())
+
+
+def _held_beside(p_WPs: Array, others: cKDTree) -> str:
+    """Return that held points (N, 3) touch another thing, or an empty string."""
+    nearest = np.asarray(others.query(p_WPs, distance_upper_bound=TOUCH_M)[0]).min(initial=np.inf)
+    if not np.isfinite(nearest):
+        return ""
+    return f"the object is {1e3 * nearest:.1f} mm from another thing"
 
 
 def _unfelt_table(segment: Segment) -> str:

@@ -5,6 +5,7 @@ of points with a radius, standing in the world or held by the hand; it is checke
 of its points, so that contacts can be exempted point by point and objects change for free.
 """
 
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -75,14 +76,22 @@ class CollisionWorld:
         checker: of the robot against the static station and itself, with margins.
         free_motion_checker: with the larger ones of free motions.
         layout: of the station.
+        p_WObstacles: (O, 3) points that stand beside the object, which nothing may touch.
     """
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
+        self.p_WObstacles: Array = np.empty((0, 3))
         self.checker = static_checker(layout, HOOK_MARGIN_M, TABLE_MARGIN_M)
         self.free_motion_checker = static_checker(layout, HOOK_MARGIN_M, FAST_TABLE_MARGIN_M)
         self._peg, self._post = hook_capsules(layout)
         self._bin = tuple(_box_in_world(each) for each in bin_primitives(layout))
+
+    def among(self, p_WObstacles: Array) -> "CollisionWorld":
+        """Return the same world with obstacles (O, 3) in place of those that it has."""
+        world = copy(self)
+        world.p_WObstacles = np.asarray(p_WObstacles, dtype=float)
+        return world
 
     def free(self, qs: Array, situation: Situation) -> BoolArray:
         """Return (N,): which configurations (N, 7) touch nothing that is not allowed."""
@@ -107,14 +116,16 @@ class CollisionWorld:
 
     def _object_free(self, qs: Array, situation: Situation) -> BoolArray:
         free = np.ones(len(qs), dtype=bool)
-        if situation.p_WStanding is None and situation.p_GHeld is None:
+        among = len(self.p_WObstacles) > 0
+        if situation.p_WStanding is None and situation.p_GHeld is None and not among:
             return free
         X_WLs = link_poses(qs)
         X_WGs = X_WLs[:, 6] @ X_7G
         if situation.p_WStanding is not None:
-            p_WPs = np.broadcast_to(situation.p_WStanding, (len(qs), *situation.p_WStanding.shape))
-            free &= _arm_free(X_WLs, p_WPs, last_link=7)
-            free &= _hand_free(X_WGs, situation.p_WStanding, situation)
+            free &= _robot_free(X_WLs, X_WGs, situation.p_WStanding, situation)
+        if among:
+            untouched = replace(situation, allowed=frozenset())
+            free &= _robot_free(X_WLs, X_WGs, self.p_WObstacles, untouched)
         if situation.p_GHeld is not None:
             p_WPs = _posed(X_WGs, situation.p_GHeld)
             free &= _arm_free(X_WLs, p_WPs, last_link=6)
@@ -123,6 +134,8 @@ class CollisionWorld:
             free &= self._clear_of_bin(p_WPs)
             if situation.p_WStanding is not None:
                 free &= _apart(p_WPs, situation.p_WStanding)
+            if among:
+                free &= _apart(p_WPs, self.p_WObstacles)
         return free
 
     def _clear_of_hook(self, p_WPs: Array, situation: Situation) -> BoolArray:
@@ -197,6 +210,12 @@ def _required(mask: BoolArray | None) -> BoolArray:
 def _posed(X_WGs: Array, p_GPs: Array) -> Array:
     """Return (B, N, 3): points (N, 3) of G for each of the poses (B, 4, 4)."""
     return p_GPs @ np.swapaxes(X_WGs[:, :3, :3], 1, 2) + X_WGs[:, None, :3, 3]
+
+
+def _robot_free(X_WLs: Array, X_WGs: Array, p_WPs: Array, situation: Situation) -> BoolArray:
+    """Return (B,): whether arm and hand are clear of points (N, 3), but for what is allowed."""
+    free = _arm_free(X_WLs, np.broadcast_to(p_WPs, (len(X_WLs), *p_WPs.shape)), last_link=7)
+    return free & _hand_free(X_WGs, p_WPs, situation)
 
 
 def _hand_free(X_WGs: Array, p_WPs: Array, situation: Situation) -> BoolArray:

@@ -9,6 +9,7 @@ from planning.problem import Plan, PlanFailure, Stage
 from planning.subgoal import Subgoal
 from split_drake.bad_input import require_numbers
 from split_drake.pose_set import PoseSets
+from split_drake.poses import Array
 from split_drake.scene import Scene
 
 
@@ -54,12 +55,18 @@ class Perception:
 
     Attributes:
         scene: the cloud and its views.
-        pose_sets: found in it.
+        pose_sets: of the one object that is dealt with.
+        p_WPs: (N, 3) the cloud of that object, metres in W.
+        p_WObstacles: (O, 3) that of all else.
+        in_view: how many objects there are.
         duration_s: wall time that it took.
     """
 
     scene: Scene
     pose_sets: PoseSets
+    p_WPs: Array
+    p_WObstacles: Array
+    in_view: int
     duration_s: float
 
 

@@ -142,9 +142,10 @@ class _Handling:
             robot.capture(),
             robot.q,
             robot.opening_m,
-            transform_points(X_EW, self._perception.scene.p_WPs),
+            transform_points(X_EW, self._perception.p_WPs),
             self._handler.layout.workspace.lowest_z_m,
             known,
+            self._perception.p_WObstacles,
         )
 
     def _as_planned(self, held: HeldView, shift_m: float, turn_rad: float) -> bool:
@@ -180,11 +181,12 @@ class _Handling:
         return PlanningProblem(
             subgoal=self._taking.subgoal,
             pose_sets={name: s.moved(X_WMoved) for name, s in perception.pose_sets.items()},
-            p_WPs=transform_points(X_WMoved, perception.scene.p_WPs),
+            p_WPs=transform_points(X_WMoved, perception.p_WPs),
             q_start=robot.q,
             layout=self._handler.layout,
             held_width_m=robot.opening_m,
             X_WGfailed=np.reshape(self._X_WGblocked, (-1, 4, 4)),
+            p_WObstacles=perception.p_WObstacles,
         )
 
     def _lost(
@@ -192,7 +194,7 @@ class _Handling:
     ) -> PickOutcome:
         """Note an attempt that ended with an empty hand, and draw back."""
         self._note(self._plan, whole)
-        free = self._recovery.withdraw(segments, execution, self._perception.scene.p_WPs)
+        free = self._recovery.withdraw(segments, execution, self._perception.p_WPs)
         return self._ended("drew back", free)
 
     def _eased_out(self, placed: ExecutionResult, before: ExecutionResult) -> PickOutcome:
@@ -217,7 +219,7 @@ class _Handling:
         assert self._held is not None  # it was looked at before it was placed
         X_EW = invert_pose(self._taking.X_WGrasp)
         X_WMoved = gripper_pose(q) @ self._held.X_GE @ X_EW
-        return transform_points(X_WMoved, self._perception.scene.p_WPs)
+        return transform_points(X_WMoved, self._perception.p_WPs)
 
     def _not_as_known(self, done: ExecutionResult) -> PickOutcome:
         """Note, where no failure says so already, that the object turned, and put it down."""
@@ -229,7 +231,7 @@ class _Handling:
         return self._put_down()
 
     def _put_down(self) -> PickOutcome:
-        free = self._recovery.put_down(self._taking, self._perception.scene.p_WPs)
+        free = self._recovery.put_down(self._taking, self._perception.p_WPs)
         return self._ended("put the object down", free)
 
     def _go_home(self) -> bool:

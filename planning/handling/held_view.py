@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from planning.collision.distances import arm_capsules, distance_to_box, distance_to_segments
 from planning.geometry.perceived import voxel_centroids
@@ -24,6 +25,8 @@ from split_drake.robot.kinematics import gripper_pose, link_poses
 # Points this close to the shapes that stand for the hand, and for the arm, may be the robot: the
 # arm's capsules leave out more of what is seen of it.
 HAND_MARGIN_M, ARM_MARGIN_M = 0.008, 0.030
+# So may points this close to other things be these.
+OTHERS_MARGIN_M = 0.012
 # A held object is sought within this distance of where it is expected.
 SEARCH_M = 0.03
 MODEL_VOXEL_M, SEEN_VOXEL_M = 0.0025, 0.004
@@ -76,6 +79,7 @@ def view_held(
     p_EPs: Array,
     lowest_z_m: float,
     X_GEexpected: Array | None = None,
+    p_WOthers: Array | None = None,
 ) -> HeldView:
     """Measure how the object lies in the hand by registering its cloud to what the views show.
 
@@ -86,10 +90,11 @@ def view_held(
         p_EPs: (N, 3) cloud of the object before it was taken, in the gripper's frame at the grasp.
         lowest_z_m: height in W up to which points count as table.
         X_GEexpected: (4, 4) the last known motion in the hand; none where not given.
+        p_WOthers: (O, 3) points of other things, which stand where they did.
     """
     expected = np.eye(4) if X_GEexpected is None else X_GEexpected
     p_EMs = voxel_centroids(p_EPs, MODEL_VOXEL_M)
-    p_WPs = beside_robot(views, q, opening_m, lowest_z_m)
+    p_WPs = _apart_from(beside_robot(views, q, opening_m, lowest_z_m), p_WOthers)
     seen = transform_points(invert_pose(gripper_pose(q)), p_WPs)
     reach = np.linalg.norm(p_EMs, axis=1).max() + SEARCH_M
     p_GPs = voxel_centroids(seen[np.linalg.norm(seen, axis=1) < reach], SEEN_VOXEL_M)
@@ -108,6 +113,14 @@ def view_held(
         reason = f"it seems to have moved by {motion}"
         return HeldView(expected, found.matched, reason, elsewhere=True)
     return held
+
+
+def _apart_from(p_WPs: Array, p_WOthers: Array | None) -> Array:
+    """Return those of the points (N, 3) that are not of other things (O, 3), if any are known."""
+    if p_WOthers is None or not len(p_WOthers):
+        return p_WPs
+    distances, _ = cKDTree(p_WOthers).query(p_WPs, distance_upper_bound=OTHERS_MARGIN_M)
+    return p_WPs[~np.isfinite(distances)]
 
 
 def beside_robot(

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from planning.execution.executor import Executor
+from planning.geometry.focus import focus_on_one
 from planning.geometry.perceived import best_upright
 from planning.handling.attempts import Attempt, AttemptLimits, Perception, SequenceResult
 from planning.handling.handler import Handler
@@ -70,13 +71,21 @@ class Sequencer:
         return _Sequence(self, goal, rng).carry_out()
 
     def look(self, goal: Subgoal, again: bool = False) -> Perception:
-        """Perceive what the subgoal, and those before it, need.
+        """Perceive what the subgoal, and those before it, need, of one object of those in view.
 
         `again`: whether what was perceived last led nowhere.
         """
         started = time.monotonic()
         scene, pose_sets = self._perceive(goal.perceived_tasks, again)
-        return Perception(scene, pose_sets, time.monotonic() - started)
+        focus = focus_on_one(scene.p_WPs, pose_sets, goal.tasks)
+        return Perception(
+            scene,
+            focus.pose_sets,
+            focus.p_WPs,
+            focus.p_WObstacles,
+            focus.in_view,
+            time.monotonic() - started,
+        )
 
     def plan(
         self,
@@ -89,10 +98,11 @@ class Sequencer:
         problem = PlanningProblem(
             subgoal,
             perception.pose_sets,
-            perception.scene.p_WPs,
+            perception.p_WPs,
             self._executor.robot.q,
             self._layout,
             X_WGfailed=X_WGfailed,
+            p_WObstacles=perception.p_WObstacles,
         )
         found = plan_timed(self._planner, problem, rng)
         if isinstance(found.outcome, Plan) and found.outcome.subgoal != subgoal:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from planning.collision.world import CollisionWorld, Situation, clear_of_palm
+from planning.geometry.focus import filled_down
 from planning.geometry.modes import away_from, distinct_modes
 from planning.geometry.perceived import PerceivedObject, best_upright
 from planning.geometry.waypoints import (
@@ -79,7 +80,9 @@ class PickPlacePlanner:
         )
         if not goals:
             return PlanFailure(Stage.PERCEPTION, f"no goal for {problem.subgoal} was detected")
-        world = self._world_of(problem.layout)
+        table_z_m = problem.layout.workspace.p_WCenter[2]
+        obstacles = filled_down(problem.p_WObstacles, table_z_m)
+        world = self._world_of(problem.layout).among(obstacles)
         search = _Search(world, self._ik, self._free_motion, problem, target, goals, rng)
         if problem.held_width_m is not None:
             return search.place_held(problem.held_width_m)

@@ -51,7 +51,9 @@ def handle(
 ) -> PickOutcome:
     problem = mug_problem(REORIENT, STANDING)
     scene = Scene(problem.p_WPs, problem.p_WPs[:2000], Workspace())
-    perception = Perception(scene, problem.pose_sets, 0.1)
+    perception = Perception(
+        scene, problem.pose_sets, problem.p_WPs, np.empty((0, 3)), in_view=1, duration_s=0.1
+    )
     handler = Handler(planner, Executor(robot, on_step), Layout(), limits or AttemptLimits())
     return handler.handle(plan or reorient_plan(), perception, 0.5, np.random.default_rng(0))
 

@@ -125,7 +125,7 @@ def test_a_file_with_another_content_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="damaged"):
         load_problems(path)
     np.savez_compressed(path, **{**arrays, "format": np.array(99)})
-    with pytest.raises(ValueError, match="format 99; expected 2"):
+    with pytest.raises(ValueError, match="format 99; expected 3"):
         load_problems(path)
 
 
@@ -144,7 +144,7 @@ def test_content_without_meaning_is_told_with_the_path(tmp_path: Path) -> None:
         changed = {**arrays, name: value}
         del changed["sha256"], changed["format"]
         sha256 = np.array(_checksum(changed))
-        changed |= {"format": np.array(2), "sha256": sha256}
+        changed |= {"format": np.array(3), "sha256": sha256}
         np.savez_compressed(path, allow_pickle=False, **changed)
         with pytest.raises(UnreadableFileError, match=f"^{path} is damaged|{path}.*fly"):
             load_problems(path)

@@ -1,0 +1,134 @@
+"""The objects of a scene: connected parts of what is seen, and which of them a pose belongs to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from split_drake.pose_set import PoseSet
+from split_drake.poses import Array
+
+# Points are gathered into voxels of this edge first.
+VOXEL_M = 0.004
+# Voxels with less than this share of the points that others have (median) connect nothing: flying
+# pixels make bridges of such.
+SPARSE = 0.25
+# Voxels this close are parts of one object.
+LINK_M = 0.016
+# What an object hides of itself parts it.  So what is this much smaller than something this near is
+# part of that: of 60 lone mugs that two cameras see, 6 are in two pieces, the lesser one with 1% to
+# 3% of the points.
+FRAGMENT_SHARE, FRAGMENT_M = 0.05, 0.04
+# What has fewer voxels than this is a speck and no object.
+SPECK_VOXELS = 12
+
+
+@dataclass(frozen=True)
+class ObjectInView:
+    """One object as far as it is seen.
+
+    Attributes:
+        points: (N,) which points of the cloud are its own.
+        p_WPs: (M, 3) those, metres in W.
+    """
+
+    points: NDArray[np.bool_]
+    p_WPs: Array
+
+
+def objects_in_view(p_WPs: Array) -> list[ObjectInView]:
+    """Return the objects that a cloud (N, 3) shows, that with the most points first.
+
+    Objects that touch, or nearly do, are one; large parts of one that are seen apart are two.
+    Specks belong to none.
+    """
+    if not len(p_WPs):
+        return []
+    _, voxel_of, counts = np.unique(
+        np.floor(p_WPs / VOXEL_M).astype(np.int64), axis=0, return_inverse=True, return_counts=True
+    )
+    voxel_of = voxel_of.reshape(-1)
+    middles = np.zeros((len(counts), 3))
+    np.add.at(middles, voxel_of, p_WPs)
+    middles /= counts[:, None]
+    parts = _parts(middles, counts >= SPARSE * np.median(counts))
+    part_of_point = parts[voxel_of]
+    found = [
+        ObjectInView(part_of_point == part, p_WPs[part_of_point == part])
+        for part in range(parts.max() + 1)
+        if (parts == part).sum() >= SPECK_VOXELS
+    ]
+    return sorted(found, key=lambda each: -len(each.p_WPs))
+
+
+def _parts(middles: Array, solid: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return (N,) the part that each voxel is of, by its middle (N, 3); -1 for none.
+
+    Those that are not `solid` (N,) go with the nearest one that is, and connect nothing.
+    """
+    parts = np.full(len(middles), -1)
+    parts[solid] = _connected(middles[solid])
+    near_m, nearest = cKDTree(middles[solid]).query(middles[~solid])
+    parts[~solid] = np.where(near_m < LINK_M, parts[solid][nearest], -1)
+    return _with_fragments(parts, middles)
+
+
+def _with_fragments(parts: NDArray[np.intp], middles: Array) -> NDArray[np.intp]:
+    """Return the parts (N,) of voxels, middles (N, 3), fragments joined to what they are of."""
+    whole = parts.copy()
+    sizes = np.bincount(parts[parts >= 0])
+    for part in np.argsort(sizes, kind="stable"):
+        larger = np.flatnonzero(
+            np.isin(parts, np.flatnonzero(sizes * FRAGMENT_SHARE > sizes[part]))
+        )
+        if len(larger):
+            found = cKDTree(middles[larger]).query(middles[parts == part])
+            near_m, nearest = (np.asarray(each) for each in found)
+            if near_m.min() < FRAGMENT_M:
+                whole[parts == part] = whole[larger[nearest[near_m.argmin()]]]
+    return whole
+
+
+def _connected(points: Array) -> NDArray[np.intp]:
+    """Return (N,) the number of the part that each of the points (N, 3) is of."""
+    pairs = cKDTree(points).query_pairs(LINK_M, output_type="ndarray")
+    links = coo_matrix((np.ones(len(pairs), bool), pairs.T), shape=(len(points),) * 2)
+    _, parts = connected_components(links, directed=False)
+    return np.asarray(parts)
+
+
+def owners(X_WPs: Array, objects: Sequence[ObjectInView]) -> NDArray[np.intp]:
+    """Return (N,) the index of the object that each of the poses (N, 4, 4) belongs to.
+
+    That is the one whose convex hull the pose's origin is deepest in, or else the nearest to: a
+    grasp lies between two sides of what it takes, a handle's pose in the handle's opening, and an
+    upright pose on the foot.
+
+    Raises ValueError where there is no object.
+    """
+    if not objects:
+        raise ValueError("there is no object for poses to belong to; expected one at least")
+    outside = [_outside_m(X_WPs[:, :3, 3], each.p_WPs) for each in objects]
+    return np.asarray(np.argmin(np.stack(outside), axis=0))
+
+
+def of_object(poses: PoseSet, index: int, objects: Sequence[ObjectInView]) -> PoseSet:
+    """Return the poses of a set that belong to an object, by its index."""
+    return poses.subset(owners(poses.X_WPs, objects) == index)
+
+
+def _outside_m(p_WQs: Array, p_WPs: Array) -> Array:
+    """Return (Q,) how far points (Q, 3) are outside the hull of points (N, 3); inside below 0.
+
+    Outside it is the distance from the furthest of the hull's planes, which is no more than the
+    distance from the hull.  What is flat, and has no hull, is as far as its nearest point.
+    """
+    try:
+        planes = ConvexHull(p_WPs).equations
+    except QhullError:
+        return np.asarray(cKDTree(p_WPs).query(p_WQs)[0])
+    return np.asarray((p_WQs @ planes[:, :3].T + planes[:, 3]).max(axis=1))

@@ -1,0 +1,77 @@
+"""Objects of a scene."""
+
+import numpy as np
+import pytest
+
+from split_drake.objects_in_view import ObjectInView, objects_in_view, of_object, owners
+from split_drake.pose_set import PoseSet
+from split_drake.pose_task import GRASP
+from split_drake.poses import Array, make_pose
+from tests.helpers.clutter import box_cloud
+
+LEFT, RIGHT = (0.45, 0.05), (0.55, -0.05)
+
+
+def two_boxes() -> Array:
+    """Return the cloud of a large box on the left and of a smaller one on the right."""
+    left, right = box_cloud(LEFT, (0.06, 0.06, 0.10)), box_cloud(RIGHT, (0.04, 0.04, 0.05))
+    return np.concatenate([right, left])
+
+
+def test_objects_that_stand_apart_are_told_apart() -> None:
+    cloud = two_boxes()
+    large, small = objects_in_view(cloud)
+    assert len(large.p_WPs) > len(small.p_WPs)
+    assert len(large.p_WPs) + len(small.p_WPs) == len(cloud)
+    np.testing.assert_array_equal(cloud[large.points], large.p_WPs)
+    assert np.abs(large.p_WPs[:, :2] - LEFT).max() < 0.031
+    assert np.abs(small.p_WPs[:, :2] - RIGHT).max() < 0.021
+
+
+def test_what_an_object_hides_of_itself_does_not_part_it() -> None:
+    cloud = box_cloud(LEFT, (0.06, 0.06, 0.10))
+    gap = np.abs(cloud[:, 2] - 0.05) < 0.005
+    assert len(objects_in_view(cloud[~gap])) == 1
+    wide = np.abs(cloud[:, 2] - 0.05) < 0.02
+    assert len(objects_in_view(cloud[~wide])) == 2
+
+
+def test_a_fragment_near_an_object_is_part_of_it() -> None:
+    cloud = box_cloud(LEFT, (0.06, 0.06, 0.10))
+    handle = box_cloud((LEFT[0] - 0.055, LEFT[1]), (0.006, 0.012, 0.02))
+    far = box_cloud((LEFT[0] - 0.10, LEFT[1]), (0.006, 0.012, 0.02))
+    assert len(objects_in_view(np.concatenate([handle, cloud]))) == 1
+    assert len(objects_in_view(np.concatenate([far, cloud]))) == 2
+
+
+def test_specks_and_flying_points_are_no_objects() -> None:
+    dense = np.repeat(two_boxes(), 8, axis=0)
+    between = np.linspace((*LEFT, 0.02), (*RIGHT, 0.02), 40)
+    noise = np.random.default_rng(0).uniform(-0.004, 0.004, (80, 3))
+    speck = np.add(noise, (0.5, 0.1, 0.1))
+    cloud = np.concatenate([dense, between, speck])
+    assert len(objects_in_view(cloud)) == 2
+    assert objects_in_view(np.empty((0, 3))) == []
+
+
+def test_poses_belong_to_the_object_that_they_are_at() -> None:
+    objects = objects_in_view(two_boxes())
+    at = [(*LEFT, 0.09), (*RIGHT, 0.03), (LEFT[0], LEFT[1] - 0.04, 0.05), (*RIGHT, 0.07)]
+    X_WPs = make_pose(p=np.array(at))
+    assert owners(X_WPs, objects).tolist() == [0, 1, 0, 1]
+    found = of_object(PoseSet(GRASP, X_WPs, np.array([0.9, 0.8, 0.7, 0.6])), 1, objects)
+    assert found.scores.tolist() == [0.8, 0.6]
+    assert owners(np.empty((0, 4, 4)), objects).tolist() == []
+
+
+def test_what_is_flat_has_poses_too() -> None:
+    flat = np.zeros((100, 3))
+    flat[:, :2] = np.random.default_rng(0).uniform(0.0, 0.05, (100, 2))
+    sheet = ObjectInView(np.ones(100, dtype=bool), flat)
+    far = ObjectInView(np.ones(100, dtype=bool), np.add(flat, (0.2, 0.0, 0.0)))
+    assert owners(make_pose(p=np.array([[0.02, 0.02, 0.01]])), [far, sheet]).tolist() == [1]
+
+
+def test_without_objects_there_is_no_owner() -> None:
+    with pytest.raises(ValueError, match="no object for poses to belong to"):
+        owners(make_pose()[None], [])
