@@ -10,7 +10,7 @@ import math
 import os
 import time
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -28,6 +28,7 @@ from scenarios.trials.report import print_report, run_title, write_report
 from scenarios.trials.spec import TrialSpec
 from scenarios.trials.trial import crashed_trial, run_trial
 from split_drake.bad_input import require_number, require_numbers
+from split_drake.depth_noise import DepthNoiseLevel
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
@@ -51,6 +52,9 @@ class MugHangOptions:
         planner: by name.
         checkpoint: weights of SPLIT; those that ship with the project where not given.
         noise_m: standard deviation of the noise on the sampled points.
+        depth_noise: of the depth images themselves, which detector, planner and registration see:
+            levels of `split_drake.depth_noise`.
+        objects: other things that stand beside the mug: boxes, bowls, cans and such.
         pose_noise_mm, pose_noise_deg: standard deviations, along and about each axis, of Gaussian
             noise on every pose of the oracle, drawn by the trial's seed.
         feedback: look at what was lifted and place it as it lies in the hand, and try again what
@@ -72,6 +76,8 @@ class MugHangOptions:
     planner: str = "default"
     checkpoint: Path | None = None
     noise_m: float = 0.005
+    depth_noise: DepthNoiseLevel = "none"
+    objects: int = 0
     pose_noise_mm: float = 0.0
     pose_noise_deg: float = 0.0
     workers: int = len(os.sched_getaffinity(0))
@@ -91,6 +97,8 @@ class MugHangOptions:
             raise ValueError(f"--seed is {self.seed}; expected 0 or more")
         if self.workers < 1:
             raise ValueError(f"--workers is {self.workers}; expected at least 1")
+        if self.objects < 0:
+            raise ValueError(f"--objects is {self.objects}; expected 0 or more")
         require_number(
             "--noise-m", self.noise_m, 0.0, MAX_NOISE_M, "a standard deviation in metres"
         )
@@ -136,6 +144,7 @@ def run_config(options: MugHangOptions) -> dict[str, Any]:
 def specs_of(options: MugHangOptions, folder: Path, done: Collection[int]) -> list[TrialSpec]:
     """Return the trials of a run, without those whose indices are `done`."""
     station = station_of(options.detector, options.checkpoint)
+    station = replace(station, depth_noise=options.depth_noise)
     return [
         TrialSpec(
             index=index,
@@ -152,6 +161,7 @@ def specs_of(options: MugHangOptions, folder: Path, done: Collection[int]) -> li
             pose_noise=options.pose_noise,
             feedback=options.feedback,
             check_plans=options.check_plans,
+            objects=options.objects,
         )
         for index in range(options.trials)
         if index not in done

@@ -131,7 +131,7 @@ def record_problem(spec: TrialSpec) -> Recorded:
     name = f"{spec.task}-{spec.detector}-{spec.mugs.where}-{spec.seed}"
     rngs = TrialGenerators.of(spec.seed)
     try:
-        setup = set_up(spec, rngs.start)
+        setup = set_up(spec, rngs)
         tasks = spec.task.perceived_tasks
         scene, pose_sets = Perceiver(spec, setup, rngs).look(tasks)
     except (NoStartError, EmptySceneError) as error:

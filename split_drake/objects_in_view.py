@@ -1,7 +1,7 @@
 """The objects of a scene: connected parts of what is seen, and which of them a pose belongs to."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from split_drake.pose_set import PoseSet
 from split_drake.poses import Array
+from split_drake.scene import Scene, farthest_points
 
 # Points are gathered into voxels of this edge first.
 VOXEL_M = 0.004
@@ -99,6 +100,20 @@ def _connected(points: Array) -> NDArray[np.intp]:
     links = coo_matrix((np.ones(len(pairs), bool), pairs.T), shape=(len(points),) * 2)
     _, parts = connected_components(links, directed=False)
     return np.asarray(parts)
+
+
+def scenes_of_objects(scene: Scene) -> list[Scene]:
+    """Return a scene of each object in view, of its points alone, and the scene where there is one.
+
+    What a detector finds in it belongs to that object, and is found as if nothing stood beside it.
+    """
+    objects = objects_in_view(scene.p_WPs)
+    if len(objects) < 2:
+        return [scene]
+    return [
+        replace(scene, p_WPs=each.p_WPs, p_WSs=farthest_points(each.p_WPs, Scene.SAMPLED_POINTS))
+        for each in objects
+    ]
 
 
 def owners(X_WPs: Array, objects: Sequence[ObjectInView]) -> NDArray[np.intp]:

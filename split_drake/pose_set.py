@@ -161,6 +161,23 @@ def accepted_poses(
     return found
 
 
+def merged_pose_sets(parts: Sequence[PoseSets]) -> dict[str, PoseSet]:
+    """Return the poses of all parts by their tasks' names, best first.
+
+    Raises ValueError where two parts have different tasks, or there is none.
+    """
+    if len({tuple(sets) for sets in parts}) != 1:
+        raise ValueError(f"tasks are {[list(sets) for sets in parts]}; expected the same in each")
+    return {
+        name: PoseSet.ranked(
+            first.task,
+            np.concatenate([sets[name].X_WPs for sets in parts]),
+            np.concatenate([sets[name].scores for sets in parts]),
+        )
+        for name, first in parts[0].items()
+    }
+
+
 def save_pose_sets(path: Path, pose_sets: PoseSets, p_WPs: Array) -> None:
     """Write pose sets and the cloud `p_WPs` (N, 3) they were found in to an npz, atomically.
 

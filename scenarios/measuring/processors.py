@@ -76,7 +76,7 @@ def first_plan(spec: TrialSpec) -> dict[str, Any]:
     """Return what a trial's first plan comes to, or why there is none, as JSON holds it."""
     rngs = TrialGenerators.of(spec.seed)
     try:
-        setup = set_up(spec, rngs.start)
+        setup = set_up(spec, rngs)
         scene, pose_sets = Perceiver(spec, setup, rngs).look(spec.task.perceived_tasks)
     except (NoStartError, EmptySceneError) as error:
         return {"seed": spec.seed, "reason": str(error)}

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from scenarios.trials.detectors import make_detector
 from scenarios.trials.setup import Setup, TrialGenerators
 from scenarios.trials.spec import TrialSpec
-from split_drake.pose_set import PoseSet
+from split_drake.objects_in_view import scenes_of_objects
+from split_drake.pose_set import PoseSet, merged_pose_sets
 from split_drake.pose_task import GRASP, PoseTask
 from split_drake.scene import Scene
 
@@ -31,13 +32,21 @@ class Perceiver:
     ) -> tuple[Scene, dict[str, PoseSet]]:
         """Return the scene and the pose sets found in it, as `planning`'s `Perceive` asks.
 
+        Where several objects are in view, each is looked at alone.
+
         Raises EmptySceneError where nothing is seen in the workspace.
         """
         layout = self._station.config.layout
         clean = Scene.from_views(self._station.capture(), layout.workspace)
-        scene = clean.with_noise(self._noise_m, self._rngs.noise)
+        scenes = [
+            each.with_noise(self._noise_m, self._rngs.noise) for each in scenes_of_objects(clean)
+        ]
+        found = merged_pose_sets([self._detect(scene, tasks, again) for scene in scenes])
+        return scenes[0] if len(scenes) == 1 else clean, found
+
+    def _detect(self, scene: Scene, tasks: Sequence[PoseTask], again: bool) -> dict[str, PoseSet]:
         pose_sets = self._detector.detect(scene, tasks, self._rngs.detector)
         if again and GRASP in tasks:
             # Places that an object can be put to gather for good reason: only grasps spread.
             pose_sets |= self._wide_detector.detect(scene, [GRASP], self._rngs.detector)
-        return scene, pose_sets
+        return pose_sets

@@ -12,10 +12,15 @@ from scenarios.trials.mug_tasks import mug_task
 from scenarios.trials.spec import TrialSpec
 from scenarios.viewing.recording import FRAMES_PER_SECOND, Recorder
 from split_drake.objects.mug_shape import MugShape
+from split_drake.objects.procedural.split import ProceduralSource
+from split_drake.objects.rigid import RigidObject
 from split_drake.station.station import Station
+from split_drake.truth.company import stand_beside
 from split_drake.truth.starts import NoStartError, draw_start
 from split_drake.truth.state import Truth
 
+# Things that stand beside mugs on tables.
+OTHER_KINDS = ("box", "bowl", "can", "bottle", "pyramid", "vase", "tower", "car")
 # Counted among the redraws, though it is no start.
 _PASSED_OVER = "passed over"
 
@@ -50,14 +55,16 @@ class TrialGenerators:
     noise: np.random.Generator
     detector: np.random.Generator
     planner: np.random.Generator
+    sensor: np.random.Generator
+    others: np.random.Generator
 
     @classmethod
     def of(cls, seed: int) -> Self:
-        return cls(*(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)))
+        return cls(*(np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)))
 
 
-def set_up(spec: TrialSpec, rng: np.random.Generator) -> Setup:
-    """Draw a trial's start.
+def set_up(spec: TrialSpec, rngs: TrialGenerators) -> Setup:
+    """Draw a trial's start; other things stand beside the mug once that lies.
 
     A mug that will not lie as the task needs it (a wide cup rights itself) is passed over for the
     next one of its split.
@@ -66,17 +73,22 @@ def set_up(spec: TrialSpec, rng: np.random.Generator) -> Setup:
     """
     redraws: Counter[str] = Counter()
     reject = mug_task(spec.task).reject
+    others = other_things(spec.objects, rngs.others)
     for name in spec.mug_names():
         recorder = None if spec.record == "none" else Recorder()
         mug = spec.load_mug(name)
         station = Station(
             replace(spec.station, meshcat_rate_hz=FRAMES_PER_SECOND),
-            [mug.body],
+            [mug.body, *others],
             meshcat=recorder.meshcat if recorder else None,
+            sensor_rng=rngs.sensor,
         )
         truth = Truth(station)
+        for index in range(1, len(station.objects)):
+            station.park_object(index)
         try:
-            start = draw_start(station, truth, rng, reject)
+            start = draw_start(station, truth, rngs.start, reject)
+            stand_beside(station, truth, range(1, len(station.objects)), rngs.others)
         except NoStartError as error:
             redraws.update((*error.redraws, f"{_PASSED_OVER} {name}"))
             continue
@@ -84,6 +96,16 @@ def set_up(spec: TrialSpec, rng: np.random.Generator) -> Setup:
         return Setup(mug, station, truth, redraws, recorder)
     starts = [reason for reason in redraws.elements() if not reason.startswith(_PASSED_OVER)]
     raise NoStartError(f"all mugs of {spec.mugs.where}", starts)
+
+
+def other_things(count: int, rng: np.random.Generator) -> list[RigidObject]:
+    """Return so many objects that are no mugs, of `OTHER_KINDS`."""
+    source = ProceduralSource("train")
+    names = [name for name in source.names() if name.rpartition("_")[0] in OTHER_KINDS]
+    return [
+        replace(source.load(str(name)).body, name=f"{name}#{number}")
+        for number, name in enumerate(rng.choice(names, count))
+    ]
 
 
 @lru_cache(maxsize=1)

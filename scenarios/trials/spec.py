@@ -25,7 +25,7 @@ class TrialSpec:
         station: layout, contact and control.
         mass_kg: of every mug, where not its own.
         pose_noise: on the poses of the oracle.
-        feedback, check_plans: as in MugHangOptions.
+        feedback, check_plans, objects: as in MugHangOptions.
     """
 
     index: int
@@ -43,6 +43,7 @@ class TrialSpec:
     pose_noise: PoseNoise = field(default_factory=PoseNoise)
     feedback: bool = True
     check_plans: bool = False
+    objects: int = 0
 
     def __post_init__(self) -> None:
         require_numbers(self)

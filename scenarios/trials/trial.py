@@ -89,7 +89,7 @@ class _Trial:
         self._spec = spec
         self._rngs = TrialGenerators.of(spec.seed)
         self._begun = time.monotonic()
-        self.setup = set_up(spec, self._rngs.start)
+        self.setup = set_up(spec, self._rngs)
         self._station, self._recorder = self.setup.station, self.setup.recorder
         self._perceiver = Perceiver(spec, self.setup, self._rngs)
         self._limits = LimitLog(self._station, self.setup.truth)

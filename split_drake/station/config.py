@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 from split_drake.bad_input import require_numbers
+from split_drake.depth_noise import DepthNoiseLevel
 from split_drake.station.layout import Layout
 
 ContactModel = Literal["point", "hydroelastic_with_fallback"]
@@ -28,6 +29,7 @@ class StationConfig:
         arm_kp_nm_per_rad, arm_kd_nms_per_rad: implicit PD gains of the seven arm joints.
         finger_kp_n_per_m, finger_kd_ns_per_m: implicit PD gains of each finger.
         meshcat_rate_hz: how often a station with a Meshcat publishes to it.
+        depth_noise: how badly its depth cameras err, see `split_drake.depth_noise`.
 
     Raises ValueError where a number is not positive, a joint's gain is missing, or a contact model
     is unknown.
@@ -47,12 +49,14 @@ class StationConfig:
     finger_kp_n_per_m: float = 4000.0
     finger_kd_ns_per_m: float = 80.0
     meshcat_rate_hz: float = 30.0
+    depth_noise: DepthNoiseLevel = "none"
 
     def __post_init__(self) -> None:
         require_numbers(self)
         for name, kinds in (
             ("contact_model", get_args(ContactModel)),
             ("contact_approximation", get_args(ContactApproximation)),
+            ("depth_noise", get_args(DepthNoiseLevel)),
         ):
             if getattr(self, name) not in kinds:
                 raise ValueError(f"{name} is {getattr(self, name)!r}; expected one of {kinds}")

@@ -10,6 +10,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
 
 from split_drake.camera import DepthView, Intrinsics
+from split_drake.depth_noise import DEPTH_NOISE
 from split_drake.objects.rigid import RigidObject
 from split_drake.poses import Array
 from split_drake.robot.arm_command import check_force
@@ -51,6 +52,7 @@ class Station:
         simulator: of the diagram, initialized.
 
     Args:
+        sensor_rng: what the depth cameras' noise is drawn from, where the configuration has any.
         bearing: whether objects stand on the table by points at their hulls' corners, as in clutter
             (`split_drake.station.objects.resting_points`), or by their collision pieces.
     """
@@ -62,8 +64,12 @@ class Station:
         meshcat: Meshcat | None = None,
         detector_system: PoseDetectorSystem | None = None,
         bearing: bool = False,
+        sensor_rng: np.random.Generator | None = None,
     ) -> None:
         self.config = config
+        self._noise, self._sensor_rng = DEPTH_NOISE[config.depth_noise], sensor_rng
+        if self._noise is not None and sensor_rng is None:
+            raise ValueError(f"depth_noise is {config.depth_noise!r}; it needs a sensor_rng")
         self.objects = tuple(objects)
         layout = self.config.layout
         builder = DiagramBuilder()
@@ -163,8 +169,14 @@ class Station:
         for camera, placement in zip(self._cameras, self.config.layout.cameras, strict=True):
             port = camera.depth_image_32F_output_port()
             image = port.Eval(camera.GetMyContextFromRoot(self._context))
-            views.append(depth_view(image, placement))
+            views.append(self._as_seen(depth_view(image, placement)))
         return tuple(views)
+
+    def _as_seen(self, view: DepthView) -> DepthView:
+        """Return a view with the noise of the cameras."""
+        if self._noise is None or self._sensor_rng is None:
+            return view
+        return self._noise.seen(view, self._sensor_rng)
 
     # Setting up.
 

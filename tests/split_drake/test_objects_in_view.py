@@ -3,10 +3,17 @@
 import numpy as np
 import pytest
 
-from split_drake.objects_in_view import ObjectInView, objects_in_view, of_object, owners
+from split_drake.objects_in_view import (
+    ObjectInView,
+    objects_in_view,
+    of_object,
+    owners,
+    scenes_of_objects,
+)
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP
 from split_drake.poses import Array, make_pose
+from split_drake.scene import Scene, Workspace
 from tests.helpers.clutter import box_cloud
 
 LEFT, RIGHT = (0.45, 0.05), (0.55, -0.05)
@@ -75,3 +82,15 @@ def test_what_is_flat_has_poses_too() -> None:
 def test_without_objects_there_is_no_owner() -> None:
     with pytest.raises(ValueError, match="no object for poses to belong to"):
         owners(make_pose()[None], [])
+
+
+def test_each_object_has_a_scene_of_its_own() -> None:
+    cloud = two_boxes()
+    both = Scene(cloud, cloud[:2000], Workspace())
+    large, small = scenes_of_objects(both)
+    assert len(large.p_WPs) + len(small.p_WPs) == len(cloud)
+    for scene, middle in ((large, LEFT), (small, RIGHT)):
+        assert scene.p_WSs.shape == (2000, 3)
+        assert np.abs(scene.p_WSs[:, :2] - middle).max() < 0.031
+        assert scene.workspace == both.workspace
+    assert scenes_of_objects(large) == [large]

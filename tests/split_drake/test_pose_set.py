@@ -12,6 +12,7 @@ from split_drake.pose_set import (
     ScoredPoses,
     accepted_poses,
     load_pose_sets,
+    merged_pose_sets,
     save_pose_sets,
 )
 from split_drake.pose_task import GRASP, HANDLE, UPRIGHT, PoseTask, Symmetry
@@ -130,6 +131,16 @@ def test_scores_that_reach_the_threshold_are_accepted() -> None:
     np.testing.assert_array_equal(found["grasp"].scores, [0.9, 0.4])
     np.testing.assert_array_equal(found["grasp"].X_WPs[:, 0, 3], [6.0, 0.0])
     assert len(found["upright"]) == 0
+
+
+def test_sets_of_parts_are_merged_best_first() -> None:
+    first = {"grasp": PoseSet(GRASP, poses(2), np.array([0.9, 0.2]))}
+    second = {"grasp": PoseSet(GRASP, poses(1), np.array([0.5]))}
+    assert merged_pose_sets([first, second])["grasp"].scores.tolist() == [0.9, 0.5, 0.2]
+    assert merged_pose_sets([first]).keys() == {"grasp"}
+    for parts in ([], [first, {}]):
+        with pytest.raises(ValueError, match="expected the same in each"):
+            merged_pose_sets(parts)
 
 
 def test_what_is_accepted_is_rounded() -> None:

@@ -14,15 +14,23 @@ from scenarios.trials import perception, setup
 from scenarios.trials.detectors import make_detector
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.pose_noise import NoisyDetector, PoseNoise
-from scenarios.trials.setup import Setup, TrialGenerators, planner_named, set_up
+from scenarios.trials.setup import (
+    OTHER_KINDS,
+    Setup,
+    TrialGenerators,
+    planner_named,
+    set_up,
+)
 from scenarios.trials.spec import TrialSpec
+from split_drake.objects_in_view import objects_in_view
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP, HANDLE, PoseTask
 from split_drake.poses import Array
 from split_drake.scene import Scene, Workspace
+from split_drake.station.fixtures import TABLE_BODY
 from split_drake.station.station import Station
 from split_drake.truth.oracle import OracleDetector
-from split_drake.truth.starts import NoStartError, Start
+from split_drake.truth.starts import NoStartError, Start, outside_workspace
 from split_drake.truth.state import Truth
 from tests.helpers.checkpoints import save_new_network
 
@@ -50,7 +58,7 @@ def _three_mugs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def ready(monkeypatch: pytest.MonkeyPatch, accepted: str = "test_003") -> Setup:
     monkeypatch.setattr(setup, "draw_start", starting_with(accepted))
-    return set_up(SPEC, np.random.default_rng(0))
+    return set_up(SPEC, TrialGenerators.of(0))
 
 
 def test_mugs_that_will_not_lie_as_wanted_are_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,3 +159,36 @@ def test_trials_look_where_their_model_was_trained_to(tmp_path: Path) -> None:
     (problem,) = problem_specs(RecordOptions(count=1, detectors=("split",), checkpoint=path))
     assert problem.station.layout.workspace == workspace
     assert SPEC.station.layout.workspace == Workspace()
+
+
+def test_other_things_stand_apart_beside_the_mug() -> None:
+    alone, found = (set_up(replace(SPEC, objects=count), TrialGenerators.of(0)) for count in (0, 2))
+    station, truth = found.station, found.truth
+    assert len(station.objects) == 3
+    assert {item.name.partition("_")[0] for item in station.objects[1:]} <= set(OTHER_KINDS)
+    np.testing.assert_allclose(truth.X_WO(0), alone.truth.X_WO(0), atol=1e-3)
+    workspace = station.config.layout.workspace
+    for index in range(3):
+        assert outside_workspace(station.objects[index], truth.X_WO(index), workspace) == ""
+    for index in (1, 2):
+        assert truth.X_WO(index)[2, 2] > 0.99
+        assert truth.touching(index) == {TABLE_BODY}
+    scene = Scene.from_views(station.capture(), workspace)
+    assert len(objects_in_view(scene.p_WPs)) == 3
+
+
+def test_more_than_the_table_has_room_for_is_told() -> None:
+    with pytest.raises(NoStartError, match="starts of all mugs of test were all rejected"):
+        set_up(replace(SPEC, objects=20), TrialGenerators.of(0))
+
+
+def test_cameras_err_as_they_are_told_to_and_alike_for_a_seed() -> None:
+    noisy = replace(SPEC, station=replace(SPEC.station, depth_noise="middle"))
+    first, same = (set_up(noisy, TrialGenerators.of(0)).station.capture() for _ in range(2))
+    (clean, *_), (view, *_) = set_up(SPEC, TrialGenerators.of(0)).station.capture(), first
+    np.testing.assert_array_equal(view.depth_m, same[0].depth_m)
+    seen = (view.depth_m > 0.0) & (clean.depth_m > 0.0)
+    errors = np.abs(view.depth_m - clean.depth_m)[seen]
+    assert 0.001 < np.median(errors) < 0.004
+    with pytest.raises(ValueError, match="depth_noise is 'middle'; it needs a sensor_rng"):
+        Station(noisy.station)
