@@ -217,7 +217,7 @@ def test_the_next_look_starts_from_what_was_seen_last(monkeypatch: pytest.Monkey
     expected: list[Array] = []
 
     def view(*arguments: object) -> HeldView:
-        expected.append(np.asarray(arguments[-1]))
+        expected.append(np.asarray(arguments[-2]))
         return HeldView(X_GE, matched=1.0)
 
     monkeypatch.setattr("planning.handling.handler.view_held", view)
