@@ -92,7 +92,7 @@ class ClutterOptions:
     out: Path | None = None
 
     def __post_init__(self) -> None:
-        require_numbers(self)
+        require_numbers(self, flags=True)
         if not self.limit_s > 0.0:
             raise ValueError(f"--limit-s is {self.limit_s}; expected seconds > 0")
         for name, least in (("rounds", 1), ("seeds", 1), ("first_seed", 0), ("workers", 1)):

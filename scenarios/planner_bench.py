@@ -63,7 +63,7 @@ class BenchOptions:
     out: Path | None = None
 
     def __post_init__(self) -> None:
-        require_numbers(self)
+        require_numbers(self, flags=True)
         if not self.limit_s > 0.0:
             raise ValueError(f"--limit-s is {self.limit_s}; expected seconds > 0")
         known = planner_names()

@@ -67,7 +67,7 @@ class RecordOptions:
     out: Path = Path("runs/problems/mugs.npz")
 
     def __post_init__(self) -> None:
-        require_numbers(self)
+        require_numbers(self, flags=True)
         if self.count < 1:
             raise ValueError(f"--count is {self.count}; expected at least 1")
         if not self.tasks or not self.detectors:

@@ -47,23 +47,24 @@ def _range(least: float, most: float) -> str:
     return f", {most:g} or less" if most < LARGEST else " that is finite"
 
 
-def require_numbers(record: "DataclassInstance") -> None:
+def require_numbers(record: "DataclassInstance", flags: bool = False) -> None:
     """Raise BadInputError where a field of a dataclass is not the number that it is declared to be.
 
     NaN, infinity and 1e38 are none, and 1.5 is no `int`.  Seeds are 0 or more.  Of nested
-    dataclasses each checks its own fields.
+    dataclasses each checks its own fields.  With `flags` they are named as on a command line.
     """
     for entry in fields(record):
         value = getattr(record, entry.name)
+        name = f"--{entry.name.replace('_', '-')}" if flags else entry.name
         if value is None and entry.type in (int | None, float | None):
             continue
         if entry.name.endswith("seed"):
-            require_count(entry.name, value, most=float("inf"))
+            require_count(name, value, most=float("inf"))
         elif entry.type in (int, int | None):
-            require_count(entry.name, value, least=-int(LARGEST))
+            require_count(name, value, least=-int(LARGEST))
         elif entry.type in (float, float | None):
-            require_number(entry.name, value)
+            require_number(name, value)
         elif isinstance(value, (tuple, list)):
             for item in value:
                 if isinstance(item, float):
-                    require_number(entry.name, item)
+                    require_number(name, item)

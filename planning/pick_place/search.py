@@ -23,6 +23,7 @@ from planning.pick_place.fingers import FingerFit, fit_fingers, settled
 from planning.pick_place.pairs import BestPairs
 from planning.pick_place.pick import Pick, PickSearch, balance, firmness, held_pick
 from planning.pick_place.place import Place, PlaceSearch
+from planning.pick_place.reach import within_reach
 from planning.pick_place.segments import Route, moves_after, plan_segments, shortened
 from planning.pick_place.turned_grasps import turned_grasps
 from planning.problem import Plan, PlanFailure, PlanningProblem, Stage
@@ -62,9 +63,13 @@ class PickPlacePlanner:
 
     def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
         """Return a plan, or the counts of what candidates were rejected by."""
-        grasps = problem.pose_sets[GRASP.name]
-        if not len(grasps):
+        if not len(problem.pose_sets[GRASP.name]):
             return PlanFailure(Stage.PERCEPTION, "no grasp was detected")
+        near = within_reach(problem)
+        return near if isinstance(near, PlanFailure) else self._plan_near(near, rng)
+
+    def _plan_near(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
+        grasps = problem.pose_sets[GRASP.name]
         X_WU = best_upright(problem.pose_sets)
         target = PerceivedObject.from_cloud(problem.p_WPs, X_WU)
         if problem.held_width_m is not None:

@@ -54,7 +54,7 @@ class PictureOptions:
     shown: int = 16
 
     def __post_init__(self) -> None:
-        require_numbers(self)
+        require_numbers(self, flags=True)
         if not self.checkpoint.is_file():
             raise ValueError(f"--checkpoint: there is no file {self.checkpoint}")
         if self.seed < 0:

@@ -46,7 +46,7 @@ class GrowOptions:
     out: Path = SHIPPED_REGIONS
 
     def __post_init__(self) -> None:
-        require_numbers(self)
+        require_numbers(self, flags=True)
         for name in ("plans", "max_regions"):
             if getattr(self, name) < 1:
                 raise ValueError(f"--{name} is {getattr(self, name)}; expected at least 1")

@@ -46,7 +46,7 @@ class PictureOptions:
     size_px: tuple[int, int] = (480, 420)
 
     def __post_init__(self) -> None:
-        require_numbers(self)
+        require_numbers(self, flags=True)
         if not self.moments or min(self.moments) < 0.0 or max(self.moments) > 1.0:
             raise ValueError(f"moments are {self.moments}; expected numbers from 0 to 1")
         if not self.recording.is_file():

@@ -59,7 +59,7 @@ class PictureOptions:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        require_numbers(self)
+        require_numbers(self, flags=True)
 
 
 def true_poses(mug: MugShape, X_WO: Array, seed: int) -> Iterator[tuple[PoseTask, Array]]:

@@ -60,7 +60,7 @@ class StudyOptions:
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
-        require_numbers(self)
+        require_numbers(self, flags=True)
         if self.trials < 1:
             raise ValueError(f"--trials is {self.trials}; expected at least 1")
         if self.seed < 0:

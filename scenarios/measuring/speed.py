@@ -39,7 +39,7 @@ class SpeedOptions:
     detector: Literal["split", "oracle"] = "split"
 
     def __post_init__(self) -> None:
-        require_numbers(self)
+        require_numbers(self, flags=True)
         require_count("trials", self.trials, 1)
 
 

@@ -105,6 +105,15 @@ _ANGLE_342, _ANGLE_H46 = np.arctan(_D3 / _A4), np.arctan(_D5 / _A4)
 _ANGLE_46H = np.arctan(_A4 / _D5)
 
 
+# No gripper is further from the shoulder: upper arm, forearm, and wrist with hand in a line.
+REACH_M = float(_L24 + _L46 + np.hypot(_A7, FLANGE_TO_GRIPPER_M))
+
+
+def shoulder_distances(p_WPs: ArrayLike) -> Array:
+    """Return how far points (N, 3) are from the shoulder (N,), metres; cf. `REACH_M`."""
+    return np.asarray(np.linalg.norm(np.asarray(p_WPs, float) - (0.0, 0.0, _D1), axis=-1))
+
+
 def _solve(X_WG: Array, q7: Array) -> Array:
     """Return (N, M, 4, 7) candidate solutions, NaN where there are none.
 

@@ -6,20 +6,27 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import pytest
 
-from planning.problem import Stage
+from planning.planner import make_planner
+from planning.problem import Plan, PlanFailure, PlanningProblem, SegmentName, Stage
 from scenarios.mug_hang import FREE_KEYS, MugHangOptions, main, run_config, specs_of
-from scenarios.trials.records import TrialRecord, trial_run
+from scenarios.trials.records import SUCCESS, TrialRecord, trial_run
 from scenarios.trials.spec import TrialSpec
 from scenarios.trials.trial import crashed_trial, run_trial
-from split_drake.experiments.run import AnotherRunError, RunFolder, json_line
+from split_drake.bad_input import BadInputError
+from split_drake.experiments.run import AnotherRunError, NoResultsError, RunFolder, json_line
 from split_drake.objects.mugs.split import mug_names
 from split_drake.pose_set import load_pose_sets
+from split_drake.pose_task import UnknownTaskError
+from split_drake.split.checkpoint import CheckpointError, default_weights
+from split_drake.station.egl import RenderingUnavailableError
 
 ROOT = Path(__file__).parents[2]
 
@@ -110,6 +117,35 @@ def test_a_trial_that_throws_is_recorded(tmp_path: Path, monkeypatch: pytest.Mon
     assert "explode" in (record.traceback or "")
 
 
+class JumpingPlanner:
+    """Plans as the default planner does, but for a jump of 2 rad on the way."""
+
+    def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
+        plan = make_planner("default").plan(problem, rng)
+        if isinstance(plan, PlanFailure):
+            return plan
+        transfer = next(each for each in plan.segments if each.name is SegmentName.TRANSFER)
+        qs = transfer.trajectory.qs.copy()
+        qs[len(qs) // 2 :, 6] += 2.0
+        jumping = replace(transfer, trajectory=replace(transfer.trajectory, qs=qs))
+        segments = [jumping if each is transfer else each for each in plan.segments]
+        return replace(plan, segments=tuple(segments))
+
+
+def test_a_plan_with_a_fault_is_not_executed_and_its_trial_has_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("scenarios.trials.trial.planner_named", lambda name: JumpingPlanner())
+    options = {"detector": "oracle", "record": "none", "task": "reorient", "feedback": False}
+    record = run_trial(spec_of(tmp_path, check_plans=True, **options))
+    assert record.traceback is None, record.traceback
+    assert record.outcome == Stage.CHECK == "refused by the checker"
+    assert not record.succeeded
+    assert record.violations
+    assert record.reason == "; ".join(record.violations)
+    assert not any("segments" in attempt for attempt in record.attempts), "nothing was executed"
+
+
 def claimed(folder: Path, **options: Any) -> RunFolder[TrialRecord]:
     run = trial_run(folder)
     with run.claim(run_config(MugHangOptions(detector="oracle", **options)), FREE_KEYS):
@@ -130,14 +166,77 @@ def test_a_finished_run_is_not_run_again_but_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delattr("split_drake.experiments.pool.WorkerPool._run_until_crash")
-    done = crashed_trial(spec_of(tmp_path, detector="oracle"))
+    crashed = crashed_trial(spec_of(tmp_path, detector="oracle"))
+    done = replace(crashed, outcome="grasp", reason="it slipped")
     run = claimed(tmp_path, trials=2)
     run.append(done)
     run.append(replace(done, index=1))
     main(MugHangOptions(trials=1, detector="oracle", out=tmp_path))
     assert run.records() == [done, replace(done, index=1)]
     summary = json.loads((tmp_path / "summary.json").read_text())
-    assert (summary["trials"], summary["failures"]) == (1, {Stage.ERROR: 1})
+    assert (summary["trials"], summary["failures"]) == (1, {Stage.GRASP: 1})
+
+
+def as_if_run(
+    monkeypatch: pytest.MonkeyPatch, outcomes: dict[int, str]
+) -> list[tuple[int, float | None]]:
+    """Have trials end as told without being run; return those that were, with their limit."""
+    asked: list[tuple[int, float | None]] = []
+
+    class Pool:
+        def __init__(self, *_: object, limit_s: float | None = None) -> None:
+            self._limit_s = limit_s
+
+        def run(self, specs: Sequence[TrialSpec]) -> Iterator[TrialRecord]:
+            for spec in specs:
+                asked.append((spec.index, self._limit_s))
+                record = crashed_trial(spec, "EGL is missing")
+                yield replace(record, outcome=outcomes[spec.index])
+
+    monkeypatch.setattr("scenarios.mug_hang.WorkerPool", Pool)
+    return asked
+
+
+def test_errors_are_tried_again_and_alone_they_are_no_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = MugHangOptions(trials=2, detector="oracle", limit_s=90.0, out=tmp_path)
+    asked = as_if_run(monkeypatch, {0: Stage.ERROR, 1: Stage.ERROR})
+    message = f"^{tmp_path} holds no result: all 2 ended in an error, the first in: EGL is missing$"
+    with pytest.raises(NoResultsError, match=message):
+        main(options)
+    assert asked == [(0, 90.0), (1, 90.0)]
+    assert json.loads((tmp_path / "summary.json").read_text())["failures"] == {Stage.ERROR: 2}
+    asked = as_if_run(monkeypatch, {0: SUCCESS, 1: Stage.ERROR})
+    main(options)
+    assert [index for index, _ in asked] == [0, 1]
+    asked = as_if_run(monkeypatch, {1: Stage.GRASP})
+    main(replace(options, limit_s=80.0))
+    assert asked == [(1, 80.0)]
+    outcomes = [record.outcome for record in trial_run(tmp_path).records()]
+    assert outcomes == [SUCCESS, Stage.GRASP]
+
+
+def test_what_no_trial_could_run_with_is_told_before_the_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delattr("scenarios.mug_hang.WorkerPool")
+    out = tmp_path / "run"
+    clutter = default_weights().with_name("split_clutter.safetensors")
+    with pytest.raises(UnknownTaskError, match=f"{clutter} has no task 'handle'; it has grasp"):
+        main(MugHangOptions(trials=1, checkpoint=clutter, out=out))
+    damaged = tmp_path / "split.safetensors"
+    damaged.write_bytes(default_weights().read_bytes()[:-1])
+    with pytest.raises(CheckpointError, match=f"{damaged} is damaged"):
+        main(MugHangOptions(trials=1, checkpoint=damaged, out=out))
+
+    def missing() -> None:
+        raise RenderingUnavailableError("EGL has no driver")
+
+    monkeypatch.setattr("scenarios.trials.detectors.check_rendering", missing)
+    with pytest.raises(BadInputError, match="depth cameras cannot render: EGL has no driver"):
+        main(MugHangOptions(trials=1, detector="oracle", out=out))
+    assert not out.exists()
 
 
 def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:

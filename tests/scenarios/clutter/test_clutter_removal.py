@@ -72,9 +72,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
         run.append((spec.seed, spec.index))
         return of_round(spec.seed, spec.index, "", "")
 
-    monkeypatch.setattr(
-        clutter_removal, "WorkerPool", lambda function, workers, crashed: InThisProcess(succeed)
-    )
+    monkeypatch.setattr(clutter_removal, "WorkerPool", lambda *_, **options: InThisProcess(succeed))
     return run
 
 
