@@ -38,7 +38,6 @@ from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import require_results
 from split_drake.objects.files.mesh_file import ObjectFileError
-from split_drake.pose_task import GRASP, find_tasks
 from split_drake.station.egl import check_rendering
 from split_drake.station.layout import Layout
 
@@ -105,11 +104,7 @@ class ClutterOptions:
 def require_working_detector(options: ClutterOptions) -> None:
     """Raise BadInputError where no round could detect: no driver, or a wrong checkpoint."""
     check_rendering()
-    if options.checkpoint is not None:
-        from split_drake.split.checkpoint import load_checkpoint
-
-        _, info = load_checkpoint(options.checkpoint)
-        find_tasks((GRASP,), info.tasks, str(options.checkpoint))
+    clutter_detector(options.detector, options.checkpoint).check(options.checkpoint)
 
 
 def layout_of(options: ClutterOptions) -> Layout:

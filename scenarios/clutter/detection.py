@@ -16,7 +16,7 @@ from planning.room_files import constants_in
 from scenarios.clutter.clearing import Clearing
 from split_drake.bad_input import BadInputError
 from split_drake.pose_set import PoseDetector, PoseSet
-from split_drake.pose_task import GRASP
+from split_drake.pose_task import GRASP, PoseTask, find_tasks
 from split_drake.poses import Array
 from split_drake.scene import Scene
 
@@ -41,12 +41,21 @@ class ClutterDetector:
         checkpoint: what file its parameters are from, in words; empty for none.
         make: returns what finds grasps in a round, given that file, what clears the table, and what
             it may draw from once.  Called once a round: what is expensive should be kept.
+        check: raises BadInputError where that file is of no use, before the first round.
     """
 
     name: str
     about: str
     checkpoint: str
     make: Callable[[Path | None, Clearing, np.random.Generator], GraspFinder]
+    check: Callable[[Path | None], None] = lambda path: None
+
+
+class TaskDetector(PoseDetector, Protocol):
+    """A detector that says which tasks it knows."""
+
+    @property
+    def tasks(self) -> Sequence[PoseTask]: ...
 
 
 class UnknownDetectorError(BadInputError):
@@ -94,7 +103,7 @@ class FoundBy:
 
 
 def with_parameters(
-    name: str, about: str, checkpoint: str, load: Callable[[Path], PoseDetector]
+    name: str, about: str, checkpoint: str, load: Callable[[Path], TaskDetector]
 ) -> ClutterDetector:
     """Return a method whose detector is loaded from a file, once a process, on one thread.
 
@@ -114,7 +123,11 @@ def with_parameters(
         assert path is not None  # `clutter_detector` has seen to it
         return loaded(path)
 
-    return ClutterDetector(name, about, checkpoint, make)
+    def check(path: Path | None) -> None:
+        assert path is not None
+        find_tasks((GRASP,), load(path).tasks, str(path))
+
+    return ClutterDetector(name, about, checkpoint, make, check)
 
 
 def ranked(X_WGs: Array, scores: Sequence[float] | Array) -> PoseSet:

@@ -17,6 +17,7 @@ from scenarios.clutter.detectors import oracle as oracle_file
 from scenarios.clutter.detectors import split
 from scenarios.clutter.detectors.oracle import TrueGrasps
 from scenarios.clutter.observation import observe, side_camera
+from split_drake.baselines.published import PublishedWeightsError
 from split_drake.data.clutter.labels import clears_table
 from split_drake.data.clutter.library import ObjectGrasps
 from split_drake.objects.rigid import RigidObject
@@ -161,3 +162,17 @@ def test_the_side_view_shows_the_side(station: HandStation) -> None:
     assert (np.abs(p_CPs[:, 2] - 0.6) < 0.1).all()
     towards = scene.p_WPs[:, 1] < 0.005
     assert towards.mean() > 0.8, "the camera stands at -y"
+
+
+def test_a_checkpoint_of_no_use_is_told_before_the_first_round(tmp_path: Path) -> None:
+    weights = tmp_path / "upright.safetensors"
+    save_new_network(weights, tasks=(UPRIGHT,))
+    with pytest.raises(
+        UnknownTaskError, match=r"upright.safetensors has no task 'grasp'; it has up"
+    ):
+        clutter_detector("split", weights).check(weights)
+    with pytest.raises(
+        PublishedWeightsError, match=r"upright.safetensors does not hold the param"
+    ):
+        clutter_detector("giga", weights).check(weights)
+    clutter_detector("oracle", None).check(None)
