@@ -16,8 +16,9 @@ import pytest
 
 from planning.checking.goal_checks import goal_check
 from planning.checking.plan_contract import contract_violations
+from planning.plan_rows import import_rows
 from planning.planner import make_planner
-from planning.problem import Plan
+from planning.problem import Plan, rows_of
 from planning.subgoal import find_subgoal
 from split_drake.data.dataset import SceneDataset
 from split_drake.data.render import DepthRenderer
@@ -42,7 +43,7 @@ def examples(name: str) -> list[str]:
 
 def executed(code: str, **names: Any) -> dict[str, Any]:
     """Return what a block of Python defines."""
-    defined = {"__name__": "example", **names}
+    defined = {**names, "__name__": "example"}
     exec(code, defined)
     return defined
 
@@ -51,7 +52,9 @@ def test_the_planner_is_the_one_that_is_tested() -> None:
     assert examples("planning/README.md")[0] == (ROOT / "tests/helpers/one_bend.py").read_text()
 
 
-def test_the_example_finds_grasps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_examples_find_poses_and_make_a_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     camera = Layout().cameras[1]
     renderer = DepthRenderer(load_mug("test_004").body.mesh)
@@ -61,6 +64,9 @@ def test_the_example_finds_grasps(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert len(defined["grasps"]) > 0
     found, _ = load_pose_sets(tmp_path / "runs/poses.npz")
     assert set(found) == {"grasp", "handle", "upright"}
+    planned = executed(examples("README.md")[1], **defined)
+    assert isinstance(planned["plan"], Plan), planned["plan"].reason
+    assert import_rows(tmp_path / "runs/plan.json") == rows_of(planned["plan"].segments)
 
 
 @pytest.fixture

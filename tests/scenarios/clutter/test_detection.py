@@ -171,8 +171,6 @@ def test_a_checkpoint_of_no_use_is_told_before_the_first_round(tmp_path: Path) -
         UnknownTaskError, match=r"upright.safetensors has no task 'grasp'; it has up"
     ):
         clutter_detector("split", weights).check(weights)
-    with pytest.raises(
-        PublishedWeightsError, match=r"upright.safetensors does not hold the param"
-    ):
+    with pytest.raises(PublishedWeightsError, match=r"upright.safetensors does not hold the param"):
         clutter_detector("giga", weights).check(weights)
     clutter_detector("oracle", None).check(None)
