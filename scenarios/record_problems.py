@@ -20,7 +20,7 @@ from rich.progress import track
 from planning.problem import PlanningProblem
 from planning.problem_files import compact, save_problems
 from planning.subgoal import find_subgoal
-from scenarios.trials.detectors import station_of
+from scenarios.trials.detectors import require_working_detector, station_of
 from scenarios.trials.mug_tasks import MUG_TASK_NAMES, MugTaskName
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.setup import TrialGenerators, set_up
@@ -28,6 +28,7 @@ from scenarios.trials.spec import TrialSpec
 from split_drake.bad_input import require_number, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
+from split_drake.experiments.run import NoResultsError
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.pose_task import GRASP
 from split_drake.scene import MAX_NOISE_M, EmptySceneError
@@ -155,11 +156,15 @@ def record(specs: Sequence[TrialSpec], workers: int, console: Console) -> list[R
 def main(options: RecordOptions) -> Path:
     """Record the problems, and return their file."""
     console = Console()
+    for detector, task in product(options.detectors, options.tasks):
+        require_working_detector(detector, options.checkpoint, find_subgoal(task))
     found = record(specs_of(options), options.workers, console)
     for recorded in found:
         if recorded.problem is None:
             console.print(f"{recorded.name}: left out: {recorded.reason}")
     problems = {r.name: r.problem for r in found if r.problem is not None}
+    if not problems:
+        raise NoResultsError(f"none of {len(found)} starts gave a problem; nothing is written")
     save_problems(options.out, problems)
     megabytes = options.out.stat().st_size / 1e6
     console.print(f"{len(problems)} problems, {megabytes:.2f} MB: {options.out}")

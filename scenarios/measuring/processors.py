@@ -26,6 +26,7 @@ from scenarios.trials.mug_tasks import MugTaskName
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.setup import TrialGenerators, planner_named, set_up
 from scenarios.trials.spec import TrialSpec
+from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.provenance import processor
 from split_drake.files import write_json
@@ -64,6 +65,7 @@ class ProcessorOptions:
     setting: str | None = None
 
     def __post_init__(self) -> None:
+        require_numbers(self)
         if self.trials < 1:
             raise ValueError(f"--trials is {self.trials}; expected at least 1")
         if self.setting is not None and self.setting not in SETTINGS:

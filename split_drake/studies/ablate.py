@@ -20,6 +20,7 @@ from split_drake.data.dataset import SceneDataset
 from split_drake.evaluation.evaluate import MugEvalOptions
 from split_drake.evaluation.evaluation import METRICS, evaluate
 from split_drake.experiments.command import run_command
+from split_drake.experiments.lock import locked
 from split_drake.experiments.provenance import file_sha256
 from split_drake.files import read_json_object
 from split_drake.pose_task import MUG_TASKS
@@ -183,7 +184,8 @@ def main(config: AblateConfig) -> None:
     """Ablate, and print the table."""
     torch.set_float32_matmul_precision("high")
     terminal = Console(soft_wrap=True)
-    terminal.print(terminal_table(ablate(config, terminal)))
+    with locked(config.out):
+        terminal.print(terminal_table(ablate(config, terminal)))
 
 
 if __name__ == "__main__":

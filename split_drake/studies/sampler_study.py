@@ -23,6 +23,7 @@ from rich.table import Table
 from split_drake.evaluation.evaluate import MugEvalOptions
 from split_drake.evaluation.evaluation import evaluate
 from split_drake.experiments.command import run_command
+from split_drake.experiments.lock import locked
 from split_drake.experiments.provenance import file_sha256
 from split_drake.files import write_json
 from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
@@ -226,11 +227,12 @@ def main(config: StudyConfig) -> None:
     """Measure all samplers; the table so far is written after each of them."""
     console = Console(soft_wrap=True)
     rows = []
-    for sampler in samplers():
-        console.print(sampler.name)
-        rows.append(measure(config, sampler, console))
-        write_json(config.out / "study.json", rows)
-    plot_study(rows, config.out / "study.png")
+    with locked(config.out):
+        for sampler in samplers():
+            console.print(sampler.name)
+            rows.append(measure(config, sampler, console))
+            write_json(config.out / "study.json", rows)
+        plot_study(rows, config.out / "study.png")
     console.print(study_table(rows))
 
 

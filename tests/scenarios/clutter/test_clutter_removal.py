@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scenarios import clutter_removal
-from scenarios.clutter.records import CRASHED, EMPTIED, RoundRecord
+from scenarios.clutter.records import CRASHED, EMPTIED, ERROR, TOO_LONG, RoundRecord
 from scenarios.clutter.rounds import crashed_round
 from scenarios.clutter.spec import object_source
 from scenarios.clutter_removal import (
@@ -20,7 +20,8 @@ from scenarios.clutter_removal import (
     run_config,
 )
 from split_drake.experiments.pool import InThisProcess
-from split_drake.experiments.run import AnotherRunError
+from split_drake.experiments.run import AnotherRunError, NoResultsError
+from split_drake.pose_task import UPRIGHT, UnknownTaskError
 from split_drake.scene import Workspace
 from tests.helpers.checkpoints import save_new_network
 from tests.scenarios.clutter.test_records import of_round
@@ -103,3 +104,29 @@ def test_more_rounds_go_on_from_those_there_are(
 def test_a_round_whose_process_died_is_counted(tmp_path: Path) -> None:
     spec = missing_rounds(ORACLE, tmp_path, ())[0]
     assert crashed_round(spec) == RoundRecord(5, 0, (), (), CRASHED)
+    late = crashed_round(spec, "it took longer than 9 s")
+    assert late == RoundRecord(5, 0, (), (), TOO_LONG, "it took longer than 9 s")
+    assert late.failed_to_run and crashed_round(spec).failed_to_run
+
+
+def test_rounds_that_all_end_in_errors_are_no_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(spec: clutter_removal.RoundSpec) -> RoundRecord:
+        return RoundRecord(spec.seed, spec.index, (), (), ERROR, "KeyError: 'box'")
+
+    monkeypatch.setattr(clutter_removal, "WorkerPool", lambda *_, **options: InThisProcess(fail))
+    with pytest.raises(NoResultsError, match=r"all 4 ended in an error, the first in: KeyError"):
+        main(replace(ORACLE, out=tmp_path))
+    run = stand_in(monkeypatch)
+    main(replace(ORACLE, out=tmp_path))
+    assert len(run) == 4, "all are tried again"
+
+
+def test_a_checkpoint_without_grasps_is_told_before_the_first_round(tmp_path: Path) -> None:
+    path = tmp_path / "upright.safetensors"
+    save_new_network(path, tasks=(UPRIGHT,))
+    options = replace(ORACLE, detector="split", checkpoint=path, out=tmp_path / "run")
+    with pytest.raises(UnknownTaskError, match=f"{path} has no task 'grasp'; it has upright"):
+        main(options)
+    assert not (tmp_path / "run").exists()

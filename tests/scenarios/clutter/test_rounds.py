@@ -11,7 +11,7 @@ import pytest
 
 from scenarios.clutter.detection import ranked
 from scenarios.clutter.detectors import oracle
-from scenarios.clutter.records import BROKEN, EMPTIED, NO_GRASP, TWO_FAILURES
+from scenarios.clutter.records import BROKEN, EMPTIED, ERROR, NO_GRASP, TWO_FAILURES
 from scenarios.clutter.rounds import run_round
 from scenarios.clutter.spec import RoundSpec, drawn_objects, object_source
 from scenarios.clutter_removal import ClutterOptions, main, missing_rounds
@@ -129,3 +129,13 @@ def test_a_folder_that_is_none_is_named(tmp_path: Path) -> None:
     options = ClutterOptions("pile", detector="oracle", objects=str(tmp_path / "none"))
     with pytest.raises(SystemExit, match=r"--objects: .*none is no folder"):
         main(options)
+
+
+def test_an_error_ends_a_round_and_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(scene: Scene) -> PoseSet:
+        raise KeyError("box")
+
+    detecting(monkeypatch, fail)
+    record = run_round(spec_of(tmp_path))
+    assert (record.ended, record.detail) == (ERROR, "KeyError: 'box'")
+    assert record.failed_to_run

@@ -14,6 +14,9 @@ from rich.console import Console
 from split_drake.bad_input import BadInputError
 from split_drake.experiments.lock import LOCK, FolderChangedError, FolderInUseError, locked
 from split_drake.experiments.run import AnotherRunError, RunFolder, claim_folder
+from split_drake.studies import ablate, sampler_study
+from split_drake.studies.ablate import AblateConfig
+from split_drake.studies.sampler_study import StudyConfig
 from split_drake.training.training_folder import TrainingFolder
 
 HOLD = """
@@ -106,6 +109,16 @@ def test_records_without_their_config_are_not_taken_up(tmp_path: Path) -> None:
     with pytest.raises(AnotherRunError, match=r"holds 'outcomes.jsonl', but no config.json"):
         run.claim({"seed": 4}).__enter__()
     assert run.records() == [Outcome(0)]
+
+
+def test_studies_lock_the_folder_that_holds_their_runs(
+    tmp_path: Path, holder: "subprocess.Popen[str]"
+) -> None:
+    message = rf"process \({holder.pid}\) runs there"
+    with pytest.raises(FolderInUseError, match=message):
+        ablate.main(AblateConfig(data=tmp_path, out=tmp_path))
+    with pytest.raises(FolderInUseError, match=message):
+        sampler_study.main(StudyConfig(out=tmp_path))
 
 
 def test_what_cannot_be_a_folder_is_named(tmp_path: Path) -> None:

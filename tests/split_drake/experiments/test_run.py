@@ -14,10 +14,12 @@ from rich.console import Console
 from split_drake.experiments.run import (
     CONFIG,
     AnotherRunError,
+    NoResultsError,
     RunFolder,
     claim_folder,
     json_line,
     read_json_lines,
+    require_results,
 )
 from split_drake.files import UnreadableFileError
 
@@ -212,3 +214,22 @@ def test_a_damaged_config_is_named(content: str, run: RunFolder[Outcome]) -> Non
     with pytest.raises(UnreadableFileError, match=f"^{path} .*expected|^{path} is damaged or not"):
         claim(run.path, CONFIG_OF_A_RUN)
     assert path.read_text() == content
+
+
+def test_records_that_are_to_be_made_again_are_taken_out_of_the_log(
+    run: RunFolder[Outcome],
+) -> None:
+    for outcome in (Outcome(0), Outcome(1, "error"), Outcome(2)):
+        run.append(outcome)
+    with run.claim(CONFIG_OF_A_RUN):
+        assert len(run.records()) == 3
+    with run.claim(CONFIG_OF_A_RUN, again=lambda record: record.reason == "error"):
+        assert run.records() == [Outcome(0), Outcome(2)]
+
+
+def test_errors_alone_are_no_result(tmp_path: Path) -> None:
+    require_results([], 0, tmp_path)
+    require_results(["one"], 2, tmp_path)
+    message = f"^{tmp_path} holds no result: all 2 ended in an error, the first in: KeyError: 'a'$"
+    with pytest.raises(NoResultsError, match=message):
+        require_results(["Traceback\nKeyError: 'a'\n", "two"], 2, tmp_path)
