@@ -80,8 +80,6 @@ def made(options: type, file: Path) -> Any:
     names = {entry.name for entry in dataclasses.fields(options)}
     if options.__name__ == "TrainConfig":
         asked["steps"] = 1
-    if options.__module__ == "scenarios.clutter_removal":
-        asked["detector"] = "oracle"
     if "checkpoint" in names:
         asked["checkpoint"] = file
     return options(**asked)
