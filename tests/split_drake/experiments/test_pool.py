@@ -153,11 +153,12 @@ def test_without_a_stand_in_items_that_took_too_long_are_named() -> None:
 
 
 RUN_UNTIL_INTERRUPTED = """
-import sys
+import signal, sys
 from pathlib import Path
 from split_drake.experiments.pool import WorkerPool
 from tests.split_drake.experiments.test_pool import mark_and_hang
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # shells' background jobs ignore it
     try:
         list(WorkerPool(mark_and_hang, workers=2).run([Path(sys.argv[1])] * 2))
     except KeyboardInterrupt:
