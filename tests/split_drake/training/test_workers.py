@@ -251,7 +251,13 @@ def test_a_run_that_diverges_ends_in_all_processes() -> None:
     assert engine.peers is None
 
 
-@pytest.mark.parametrize("workers", [0, 3, 8])
+def test_no_workers_at_all_are_refused(options: TrainConfig) -> None:
+    with pytest.raises(ValueError, match="workers is 0; expected a whole number, 1 or more"):
+        train(replace(options, workers=0))
+    assert not options.out.exists()
+
+
+@pytest.mark.parametrize("workers", [3, 8])
 def test_a_number_that_does_not_divide_the_batch_is_refused(
     options: TrainConfig, workers: int
 ) -> None:
