@@ -173,6 +173,7 @@ def main(options: ClutterOptions) -> Path:
     folder = options.out or Path("runs/clutter_removal") / datetime.now().strftime("%Y%m%d-%H%M%S")
     try:
         config = run_config(options)
+        object_source(options.objects, folder / "decompositions").names()
     except ObjectFileError as error:
         raise SystemExit(f"--objects: {error}") from error
     run = clutter_run(folder)

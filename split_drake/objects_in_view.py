@@ -9,7 +9,6 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from split_drake.pose_set import PoseSet
 from split_drake.poses import Array
 from split_drake.scene import Scene, farthest_points
 
@@ -135,11 +134,6 @@ def owners(X_WPs: Array, objects: Sequence[ObjectInView]) -> NDArray[np.intp]:
         raise ValueError("there is no object for poses to belong to; expected one at least")
     outside = [_outside_m(X_WPs[:, :3, 3], each.p_WPs) for each in objects]
     return np.asarray(np.argmin(np.stack(outside), axis=0))
-
-
-def of_object(poses: PoseSet, index: int, objects: Sequence[ObjectInView]) -> PoseSet:
-    """Return the poses of a set that belong to an object, by its index."""
-    return poses.subset(owners(poses.X_WPs, objects) == index)
 
 
 def _outside_m(p_WQs: Array, p_WPs: Array) -> Array:

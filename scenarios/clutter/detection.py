@@ -37,7 +37,6 @@ class ClutterDetector:
 
     Attributes:
         name: what it is called on the command line.
-        about: one line that says what it is.
         checkpoint: what file its parameters are from, in words; empty for none.
         make: returns what finds grasps in a round, given that file, what clears the table, and what
             it may draw from once.  Called once a round: what is expensive should be kept.
@@ -45,7 +44,6 @@ class ClutterDetector:
     """
 
     name: str
-    about: str
     checkpoint: str
     make: Callable[[Path | None, Clearing, np.random.Generator], GraspFinder]
     check: Callable[[Path | None], None] = lambda path: None
@@ -103,12 +101,12 @@ class FoundBy:
 
 
 def with_parameters(
-    name: str, about: str, checkpoint: str, load: Callable[[Path], TaskDetector]
+    name: str, checkpoint: str, load: Callable[[Path], TaskDetector]
 ) -> ClutterDetector:
     """Return a method whose detector is loaded from a file, once a process, on one thread.
 
     Args:
-        name, about, checkpoint: as in `ClutterDetector`.
+        name, checkpoint: as in `ClutterDetector`.
         load: returns the detector with the parameters of a file.
     """
 
@@ -127,7 +125,7 @@ def with_parameters(
         assert path is not None
         find_tasks((GRASP,), load(path).tasks, str(path))
 
-    return ClutterDetector(name, about, checkpoint, make, check)
+    return ClutterDetector(name, checkpoint, make, check)
 
 
 def ranked(X_WGs: Array, scores: Sequence[float] | Array) -> PoseSet:

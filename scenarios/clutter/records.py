@@ -142,6 +142,8 @@ class Share:
         return cls(float(_ratio(counts.sum(), of.sum())), (float(low), float(high)), tuple(each))
 
     def __str__(self) -> str:
+        if np.isnan(self.value):
+            return "none"
         low, high = self.interval
         text = f"{self.value:.1%}  [{low:.0%}, {high:.0%}]"
         if len(self.seeds) < 2:
@@ -202,15 +204,20 @@ class Removal:
             "attempts": self.attempts,
             "successes": self.successes,
             "objects": self.objects,
-            "gsr": self.gsr.value,
+            "gsr": _number(self.gsr.value),
             "gsr_interval": self.gsr.interval,
-            "gsr_of_seeds": self.gsr.seeds,
-            "dr": self.dr.value,
+            "gsr_of_seeds": [_number(value) for value in self.gsr.seeds],
+            "dr": _number(self.dr.value),
             "dr_interval": self.dr.interval,
-            "dr_of_seeds": self.dr.seeds,
+            "dr_of_seeds": [_number(value) for value in self.dr.seeds],
             "ended": self.ended,
             "failures": self.failures,
         }
+
+
+def _number(value: float) -> float | None:
+    """Return a share as JSON has it: null where it is of nothing."""
+    return None if np.isnan(value) else value
 
 
 def kind_of_failure(reason: str) -> str:

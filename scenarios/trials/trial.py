@@ -190,6 +190,7 @@ def _attempt_record(attempt: Attempt) -> dict[str, Any]:
         "stage": str(stage or SUCCESS),
         "reason": reason,
         "recovery": attempt.recovery,
+        "objects_in_view": attempt.perception.in_view,
         "poses": {name: len(found) for name, found in attempt.perception.pose_sets.items()},
         "planning_s": round(attempt.planning_s, 3),
         "search": dict(attempt.outcome.statistics),

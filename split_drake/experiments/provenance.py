@@ -22,11 +22,12 @@ _SUFFIXES = (".py", ".urdf", ".xml", ".obj", ".json", ".npz")
 
 
 def code_version() -> dict[str, Any]:
-    """Return what says which code made a run: its commit, a checksum of it, and versions."""
+    """Return what made a run: the code's commit, a checksum of it, versions, and the processor."""
     return {
         "commit": git_commit(),
         "code_sha256": code_sha256(),
         "versions": package_versions(),
+        "processor": processor(),
     }
 
 

@@ -28,7 +28,7 @@ Record = TypeVar("Record", bound="DataclassInstance")
 
 CONFIG = "config.json"
 # Kept for information: what a run was made with is told by the hash of the code beside it.
-_INFORMATION = ("commit",)
+_INFORMATION = ("commit", "processor")
 # Values in a message are cut to this many characters.
 _SHOWN = 80
 

@@ -6,12 +6,9 @@ import pytest
 from split_drake.objects_in_view import (
     ObjectInView,
     objects_in_view,
-    of_object,
     owners,
     scenes_of_objects,
 )
-from split_drake.pose_set import PoseSet
-from split_drake.pose_task import GRASP
 from split_drake.poses import Array, make_pose
 from split_drake.scene import Scene, Workspace
 from tests.helpers.clutter import box_cloud
@@ -66,8 +63,6 @@ def test_poses_belong_to_the_object_that_they_are_at() -> None:
     at = [(*LEFT, 0.09), (*RIGHT, 0.03), (LEFT[0], LEFT[1] - 0.04, 0.05), (*RIGHT, 0.07)]
     X_WPs = make_pose(p=np.array(at))
     assert owners(X_WPs, objects).tolist() == [0, 1, 0, 1]
-    found = of_object(PoseSet(GRASP, X_WPs, np.array([0.9, 0.8, 0.7, 0.6])), 1, objects)
-    assert found.scores.tolist() == [0.8, 0.6]
     assert owners(np.empty((0, 4, 4)), objects).tolist() == []
 
 

@@ -18,6 +18,4 @@ def load(checkpoint: Path) -> "GigaDetector":
     return GigaDetector(load_published(GigaNetwork(), checkpoint))
 
 
-DETECTOR = with_parameters(
-    "giga", "GIGA (arXiv 2104.01542)", "the .pt file of parameters that its authors published", load
-)
+DETECTOR = with_parameters("giga", "the .pt file of parameters that its authors published", load)

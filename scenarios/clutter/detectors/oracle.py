@@ -46,4 +46,4 @@ def make(checkpoint: Path | None, clearing: Clearing, rng: np.random.Generator) 
     return TrueGrasps(clearing, rng)
 
 
-DETECTOR = ClutterDetector("oracle", "the true grasps of what lies there", "", make)
+DETECTOR = ClutterDetector("oracle", "", make)

@@ -17,5 +17,5 @@ def load(checkpoint: Path) -> "SplitDetector":
 
 
 DETECTOR = with_parameters(
-    "split", "SPLIT", "weights such as models/weights/split_clutter.safetensors", load
+    "split", "weights such as models/weights/split_clutter.safetensors", load
 )

@@ -18,6 +18,4 @@ def load(checkpoint: Path) -> "VgnDetector":
     return VgnDetector(load_published(VgnNetwork(), checkpoint))
 
 
-DETECTOR = with_parameters(
-    "vgn", "VGN (arXiv 2101.01132)", "the .pt file of parameters that its authors published", load
-)
+DETECTOR = with_parameters("vgn", "the .pt file of parameters that its authors published", load)

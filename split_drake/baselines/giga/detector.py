@@ -1,17 +1,10 @@
 """Grasps by GIGA from the depth views of a scene."""
 
-from collections.abc import Sequence
-
-import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from split_drake.baselines.giga.network import RESOLUTION, GigaNetwork
-from split_drake.baselines.selection import SelectionConfig, VolumeGrasps, chosen_grasps
-from split_drake.baselines.tsdf import fused_tsdf
-from split_drake.pose_set import PoseSet
-from split_drake.pose_task import GRASP, PoseTask, find_tasks
-from split_drake.scene import Scene, Workspace
+from split_drake.baselines.selection import SelectionConfig, Volume, VolumeGrasps
+from split_drake.baselines.volume_detector import VolumeDetector
 
 # As in the runs that its public code has: the best grasp counts where none is very good.
 SELECTION = SelectionConfig(
@@ -19,45 +12,29 @@ SELECTION = SelectionConfig(
 )
 
 
-class GigaDetector:
-    """Grasps by GIGA; it draws nothing.
-
-    Attributes:
-        threshold: the least quality that is accepted.
+class GigaDetector(VolumeDetector):
+    """Grasps by GIGA.
 
     Args:
         network: what it predicts with, at the corner of every voxel.
         selection: how grasps are chosen.
     """
 
-    tasks = (GRASP,)
+    name = "GIGA"
 
     def __init__(self, network: GigaNetwork, selection: SelectionConfig = SELECTION) -> None:
+        super().__init__(selection)
         self._network = network.eval()
-        self._selection = selection
         self._points = _corners()
-        self.threshold = selection.least
-
-    def detect(
-        self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
-    ) -> dict[str, PoseSet]:
-        """Return grasps, where they are asked for; they are one voxel apart at least.
-
-        Raises UnknownTaskError for any other task, ValueError where the scene has no views.
-        """
-        known = find_tasks(tasks, self.tasks, "GIGA")
-        field = fused_tsdf(scene.views, scene.workspace)
-        return {task.name: self.grasps(field, scene.workspace) for task in known}
 
     @torch.inference_mode()
-    def grasps(self, field: NDArray[np.float32], workspace: Workspace) -> PoseSet:
-        """Return the grasps that a TSDF (40, 40, 40) of a workspace shows."""
+    def predict(self, field: Volume) -> VolumeGrasps:
+        """Return what the network says at each voxel's corner."""
         found = self._network(torch.tensor(field)[None], self._points)
         quality, quaternion, width = (
             each[0].unflatten(0, (RESOLUTION,) * 3).numpy() for each in found
         )
-        volume = VolumeGrasps(quality, quaternion, RESOLUTION * width)
-        return chosen_grasps(field, volume, workspace, self._selection)
+        return VolumeGrasps(quality, quaternion, RESOLUTION * width)
 
 
 def _corners() -> torch.Tensor:

@@ -130,3 +130,12 @@ def test_a_checkpoint_without_grasps_is_told_before_the_first_round(tmp_path: Pa
     with pytest.raises(UnknownTaskError, match=f"{path} has no task 'grasp'; it has upright"):
         main(options)
     assert not (tmp_path / "run").exists()
+
+
+def test_objects_of_no_use_are_told_before_the_first_round(tmp_path: Path) -> None:
+    objects = tmp_path / "objects"
+    objects.mkdir()
+    out = tmp_path / "out"
+    with pytest.raises(SystemExit, match=f"^--objects: {objects} "):
+        main(ClutterOptions("packed", 1, 1, 0, "oracle", objects=str(objects), out=out))
+    assert not out.exists()

@@ -54,6 +54,10 @@ def test_intervals_are_wider_where_grasps_of_a_round_fail_together() -> None:
 def test_no_attempt_has_no_rate() -> None:
     share = Share.of([(0, 0)], [0])
     assert math.isnan(share.value)
+    assert str(share) == "none"
+    none = Removal.of([RoundRecord(0, 0, (), (), "an error")]).to_json()
+    assert none["gsr"] is None and none["dr_of_seeds"] == [None]
+    json.dumps(none, allow_nan=False)
     assert share.interval == (0.0, 1.0)
     with pytest.raises(ValueError, match="no rounds were given"):
         Removal.of([])
