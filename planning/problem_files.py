@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from models import MODELS_FOLDER
 from planning.geometry.perceived import DETAIL_VOXEL_M, voxel_centroids
 from planning.problem import PlanningProblem
 from planning.subgoal import find_subgoal
 from split_drake.files import Arrays, UnreadableFileError, interpreting, read_npz, replacing
+from split_drake.models_folder import MODELS_FOLDER
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import MUG_TASKS, PoseTask
 from split_drake.poses import Array, make_pose

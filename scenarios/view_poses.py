@@ -21,6 +21,8 @@ from split_drake.files import write_atomically
 from split_drake.pose_set import PoseSets, load_pose_sets
 from split_drake.poses import Array, make_pose
 
+# How many poses of each set are shown where nobody asks for more.
+BEST = 50
 _CLOUD_COLOR = (0.25, 0.35, 0.5)
 
 
@@ -37,7 +39,7 @@ class ViewOptions:
 
     file: Annotated[Path, tyro.conf.Positional]
     out: Path | None = None
-    best: int = 50
+    best: int = BEST
     open: bool = False
 
     def __post_init__(self) -> None:

@@ -1,15 +1,19 @@
 """Depth views: a depth image, the camera's intrinsics, and its pose."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from split_drake.poses import Array, check_poses, invert_pose, make_pose
+from split_drake.bad_input import BadInputError, require_count, require_number
+from split_drake.poses import Array, invert_pose, make_pose, nearest_pose
 
 # A camera looking at a table from further away than this was given in millimetres.
 MAX_PLAUSIBLE_DEPTH_M = 20.0
+# What 16 bits of millimetres end with; cameras mark by it what they did not see.
+_SATURATED_M = 65.535
+MAX_PIXELS = 20000
 
 
 @dataclass(frozen=True)
@@ -30,15 +34,35 @@ class Intrinsics:
     cy: float
 
     def __post_init__(self) -> None:
-        if self.width < 1 or self.height < 1:
-            raise ValueError(f"image size {self.width} x {self.height}; expected positive numbers")
+        require_count("width", self.width, 1, MAX_PIXELS)
+        require_count("height", self.height, 1, MAX_PIXELS)
+        for name in ("fx", "fy", "cx", "cy"):
+            require_number(name, getattr(self, name), meaning="in pixels")
         if not (self.fx > 0.0 and self.fy > 0.0):
-            raise ValueError(f"focal lengths fx={self.fx}, fy={self.fy}; expected positive pixels")
+            raise BadInputError(
+                f"focal lengths fx={self.fx}, fy={self.fy}; expected positive pixels"
+            )
 
     @classmethod
     def centered(cls, width: int, height: int, focal_px: float) -> "Intrinsics":
         """Return square pixels with the principal point in the middle of the image."""
         return cls(width, height, focal_px, focal_px, (width - 1) / 2.0, (height - 1) / 2.0)
+
+    @classmethod
+    def from_matrix(cls, K: ArrayLike, size: tuple[int, int]) -> "Intrinsics":
+        """Return the intrinsics of a camera matrix K (3, 3) and an image size (width, height).
+
+        Raises BadInputError where K is no camera matrix, or has skew.
+        """
+        matrix = np.asarray(K, dtype=float)
+        if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
+            raise BadInputError(f"K is {matrix.tolist()}; expected a (3, 3) camera matrix")
+        if np.any(matrix[(0, 1, 2, 2), (1, 0, 0, 1)]) or matrix[2, 2] != 1.0:
+            raise BadInputError(
+                f"K is {matrix.tolist()}; expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]"
+            )
+        (fx, _, cx), (_, fy, cy) = matrix[:2].tolist()
+        return cls(*size, fx, fy, cx, cy)
 
 
 @lru_cache(maxsize=8)
@@ -57,12 +81,13 @@ class DepthView:
     """One depth image and where it was taken from.
 
     Attributes:
-        depth_m: (H, W) depth along z_C in metres; 0 or inf where the camera saw nothing.
+        depth_m: (H, W) depth along z_C in metres; 0 where the camera saw nothing.  It may be given
+            as inf, NaN or 65.535 (the largest of 16 bits, in millimetres) there.
         intrinsics: of the camera.
-        X_WC: (4, 4) pose of the camera in the world.
+        X_WC: (4, 4) pose of the camera in the world; see `poses.nearest_pose`.
 
-    Raises ValueError where the image has another size than the intrinsics say, holds NaN or
-    negative values, looks like millimetres, or where X_WC is no pose.
+    Raises ValueError where the image has another size than the intrinsics say, holds negative
+    values, looks like millimetres, or where X_WC is no pose.
     """
 
     depth_m: NDArray[np.float32]
@@ -74,22 +99,32 @@ class DepthView:
         expected = (self.intrinsics.height, self.intrinsics.width)
         if depth.shape != expected:
             raise ValueError(f"depth_m has shape {depth.shape}; the intrinsics say {expected}")
-        if np.isnan(depth).any():
-            count = int(np.isnan(depth).sum())
-            raise ValueError(f"depth_m holds {count} NaN; mark missing pixels by 0 or inf")
         if (depth < 0.0).any():
-            raise ValueError(f"depth_m reaches {depth.min():g}; expected metres >= 0")
-        seen = depth[(depth > 0.0) & np.isfinite(depth)]
+            raise ValueError(f"depth_m reaches {np.nanmin(depth):g}; expected metres >= 0")
+        depth = np.where(np.isfinite(depth) & (np.abs(depth - _SATURATED_M) > 1e-4), depth, 0.0)
+        depth = depth.astype(np.float32)
+        seen = depth[depth > 0.0]
         if seen.size and np.median(seen) > MAX_PLAUSIBLE_DEPTH_M:
             raise ValueError(
                 f"the median of depth_m is {np.median(seen):g}, which looks like millimetres; "
                 f"expected metres (below {MAX_PLAUSIBLE_DEPTH_M:g})"
             )
-        X_WC = check_poses(self.X_WC, "X_WC")
-        if X_WC.shape != (4, 4):
-            raise ValueError(f"X_WC has shape {X_WC.shape}; expected (4, 4)")
+        X_WC = nearest_pose(self.X_WC, "X_WC")
         object.__setattr__(self, "depth_m", depth)
         object.__setattr__(self, "X_WC", X_WC)
+
+    def masked(self, hidden: ArrayLike) -> "DepthView":
+        """Return the view without the pixels that `hidden` (H, W), booleans, marks: a robot's arm.
+
+        Raises BadInputError where the mask has another shape or type.
+        """
+        mask = np.asarray(hidden)
+        if mask.shape != self.depth_m.shape or mask.dtype != bool:
+            raise BadInputError(
+                f"the mask has shape {mask.shape} and type {mask.dtype}; expected "
+                f"{self.depth_m.shape} booleans, true where nothing is to be seen"
+            )
+        return replace(self, depth_m=np.where(mask, np.float32(0.0), self.depth_m))
 
     def points(self, min_z_m: float = -np.inf) -> Array:
         """Return the points seen above z = `min_z_m`, (N, 3) in W, row by row.
@@ -98,9 +133,8 @@ class DepthView:
         """
         rays, z_W = pixel_rays(self.intrinsics), self.X_WC[2].astype(np.float32)
         # Heights come first and in single precision: most pixels show the table.
-        with np.errstate(invalid="ignore"):
-            above = (rays @ z_W[:3]) * self.depth_m + z_W[3] > min_z_m
-        seen = above & (self.depth_m > 0.0) & np.isfinite(self.depth_m)
+        above = (rays @ z_W[:3]) * self.depth_m + z_W[3] > min_z_m
+        seen = above & (self.depth_m > 0.0)
         p_CPs = rays[seen] * self.depth_m[seen, None]
         return p_CPs @ self.X_WC[:3, :3].T + self.X_WC[:3, 3]
 

@@ -81,7 +81,7 @@ def split_rows(rows: np.ndarray, counts: np.ndarray, name: str) -> list[np.ndarr
 def interpreting(path: Path | str, what: str) -> Iterator[None]:
     """Turn what goes wrong with a file's content into UnreadableFileError.
 
-    Bad input that is told already stays as it is.
+    Bad input that is told already, with the path, stays as it is.
     """
     with _whatever_fails(path, what, LookupError, TypeError, ValueError, ArithmeticError):
         yield
@@ -91,8 +91,10 @@ def interpreting(path: Path | str, what: str) -> Iterator[None]:
 def _whatever_fails(path: Path | str, what: str, *kinds: type[Exception]) -> Iterator[None]:
     try:
         yield
-    except BadInputError:
-        raise
+    except BadInputError as error:
+        if str(path) in str(error):
+            raise
+        raise UnreadableFileError(f"{path}: {error}") from error
     except kinds as error:
         told = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         told = told.splitlines()[0] if told else type(error).__name__

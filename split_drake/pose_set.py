@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 
@@ -31,11 +31,13 @@ class PoseSet:
         X_WPs: (N, 4, 4) poses in the world, N >= 0.
         scores: (N,) in [0, 1], descending.  They rank poses and are no probabilities; true handle
             and upright poses all have 1.
+        reason: why there are no poses, of an empty set whose detector says so.
     """
 
     task: PoseTask
     X_WPs: Array
     scores: Array
+    reason: str = ""
 
     def __post_init__(self) -> None:
         given = np.asarray(self.X_WPs, dtype=float)
@@ -53,6 +55,10 @@ class PoseSet:
             raise ValueError(
                 f"scores of {self.task} do not descend: {scores[at]:.4f} is followed by "
                 f"{scores[at + 1]:.4f}; use PoseSet.ranked"
+            )
+        if self.reason and len(poses):
+            raise ValueError(
+                f"{len(poses)} poses of {self.task} have a reason why there are none: {self.reason}"
             )
         object.__setattr__(self, "X_WPs", poses)
         object.__setattr__(self, "scores", scores)
@@ -79,7 +85,7 @@ class PoseSet:
         """Return the best `count` poses (all of them where there are fewer)."""
         if count < 0:
             raise BadInputError(f"count is {count}; expected how many poses to keep, 0 or more")
-        return type(self)(self.task, self.X_WPs[:count], self.scores[:count])
+        return replace(self, X_WPs=self.X_WPs[:count], scores=self.scores[:count])
 
     def subset(self, kept: NDArray[np.bool_]) -> Self:
         """Return the poses that `kept` (N,), booleans, marks."""
@@ -88,11 +94,11 @@ class PoseSet:
                 f"kept has shape {np.shape(kept)} and type {np.asarray(kept).dtype}; expected "
                 f"({len(self)},) booleans, one for each pose"
             )
-        return type(self)(self.task, self.X_WPs[kept], self.scores[kept])
+        return replace(self, X_WPs=self.X_WPs[kept], scores=self.scores[kept])
 
     def moved(self, X_WMoved: Array) -> Self:
         """Return the set after everything has moved by X_WMoved (4, 4), given in W."""
-        return type(self)(self.task, X_WMoved @ self.X_WPs, self.scores)
+        return replace(self, X_WPs=X_WMoved @ self.X_WPs)
 
 
 _WHAT = "a file of pose sets: 'cloud' and '<task>/X_WPs', '<task>/scores'"
@@ -157,28 +163,46 @@ def accepted_poses(
         scores = np.round(poses.scores, _SCORE_DECIMALS)
         good = scores >= threshold
         X_WPs = rounded_poses(poses.X_WPs[good], _POSITION_DECIMALS, _ROTATION_DECIMALS)
-        found[task.name] = PoseSet.ranked(task, X_WPs, scores[good])
+        ranked = PoseSet.ranked(task, X_WPs, scores[good])
+        found[task.name] = replace(ranked, reason=_why_none(scores, threshold))
     return found
+
+
+def _why_none(scores: Array, threshold: float) -> str:
+    """Return why no pose was accepted; nothing where one was."""
+    if not len(scores):
+        return "no pose was drawn"
+    if scores.max() >= threshold:
+        return ""
+    return (
+        f"none of {len(scores)} poses drawn was accepted: the best has a score of "
+        f"{scores.max():.3f}, the least that is accepted is {threshold:g}"
+    )
 
 
 def merged_pose_sets(parts: Sequence[PoseSets]) -> dict[str, PoseSet]:
     """Return the poses of all parts by their tasks' names, best first.
 
-    Raises ValueError where two parts have different tasks, or there is none.
+    A set that is empty in all parts keeps their reasons.  Raises ValueError where two parts have
+    different tasks, or there is none.
     """
     if len({tuple(sets) for sets in parts}) != 1:
         raise ValueError(f"tasks are {[list(sets) for sets in parts]}; expected the same in each")
-    return {
-        name: PoseSet.ranked(
-            first.task,
-            np.concatenate([sets[name].X_WPs for sets in parts]),
-            np.concatenate([sets[name].scores for sets in parts]),
-        )
-        for name, first in parts[0].items()
-    }
+    return {name: _merged([sets[name] for sets in parts]) for name in parts[0]}
 
 
-def save_pose_sets(path: Path, pose_sets: PoseSets, p_WPs: Array) -> None:
+def _merged(parts: Sequence[PoseSet]) -> PoseSet:
+    merged = PoseSet.ranked(
+        parts[0].task,
+        np.concatenate([part.X_WPs for part in parts]),
+        np.concatenate([part.scores for part in parts]),
+    )
+    if len(merged):
+        return merged
+    return replace(merged, reason="; ".join(dict.fromkeys(p.reason for p in parts if p.reason)))
+
+
+def save_pose_sets(path: Path | str, pose_sets: PoseSets, p_WPs: Array) -> None:
     """Write pose sets and the cloud `p_WPs` (N, 3) they were found in to an npz, atomically.
 
     Each is written by its own task's name, whatever its key.  Raises ValueError where two are of
@@ -196,7 +220,9 @@ def save_pose_sets(path: Path, pose_sets: PoseSets, p_WPs: Array) -> None:
     for pose_set in pose_sets.values():
         arrays[f"{pose_set.task}/X_WPs"] = pose_set.X_WPs
         arrays[f"{pose_set.task}/scores"] = pose_set.scores
-    with replacing(path) as temporary:
+        if pose_set.reason:
+            arrays[f"{pose_set.task}/reason"] = np.array(pose_set.reason)
+    with replacing(Path(path)) as temporary:
         np.savez_compressed(temporary, allow_pickle=False, **arrays)
 
 
@@ -221,7 +247,7 @@ def _set_in(arrays: Arrays, task: PoseTask, path: Path | str) -> PoseSet:
     poses, scores = (arrays[name] for name in names)
     if poses.shape != (len(poses), 4, 4):
         raise ValueError(f"{names[0]} has shape {poses.shape}; expected (N, 4, 4)")
-    return PoseSet(task, poses, scores)
+    return PoseSet(task, poses, scores, str(arrays.get(f"{task}/reason", "")))
 
 
 def _cloud_in(arrays: Arrays) -> Array:

@@ -1,11 +1,15 @@
 """Poses as arrays: building, checking, inverting and comparing (4, 4) homogeneous matrices."""
 
+import warnings
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
 _ROTATION_TOLERANCE = 1e-4
+# |R R^T - I| of a rotation whose entries have three digits stays below this.
+_FEW_DIGITS = 3e-3
 
 
 def make_pose(R: ArrayLike | None = None, p: ArrayLike | None = None) -> Array:
@@ -101,7 +105,7 @@ def check_poses(X: ArrayLike, name: str) -> Array:
     if np.abs(poses[..., 3, :] - (0.0, 0.0, 0.0, 1.0)).max(initial=0.0) > _ROTATION_TOLERANCE:
         raise ValueError(f"{name} has a last row other than (0, 0, 0, 1)")
     R = poses[..., :3, :3]
-    error = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(initial=0.0)
+    error = _orthonormal_error(R)
     if error > _ROTATION_TOLERANCE:
         raise ValueError(
             f"the rotation of {name} is not orthonormal: |R R^T - I| reaches {error:.2g}, "
@@ -110,3 +114,31 @@ def check_poses(X: ArrayLike, name: str) -> Array:
     if (np.linalg.det(R) < 0).any():
         raise ValueError(f"the rotation of {name} is a reflection: its determinant is -1, not 1")
     return poses
+
+
+def nearest_pose(X: ArrayLike, name: str) -> Array:
+    """Return the pose (4, 4) nearest to `X`, whose rotation was written with few digits.
+
+    The rotation is the nearest one in the Frobenius norm (Schoenemann, "A generalized solution of
+    the orthogonal Procrustes problem", 1966).  A warning says by how much an entry was changed.
+
+    Raises ValueError where `X` is further from a pose than digits explain.
+    """
+    pose = np.array(X, dtype=float)
+    if pose.shape != (4, 4):
+        raise ValueError(f"{name} has shape {pose.shape}; expected (4, 4)")
+    R = pose[:3, :3]
+    if np.isfinite(pose).all() and _ROTATION_TOLERANCE < _orthonormal_error(R) < _FEW_DIGITS:
+        u, _, vt = np.linalg.svd(R)
+        changed = np.abs(u @ vt - R).max()
+        pose[:3, :3] = u @ vt
+        warnings.warn(
+            f"the rotation of {name} is not orthonormal; its entries were changed by up to "
+            f"{changed:.1g} (were they written with few digits?)",
+            stacklevel=2,
+        )
+    return check_poses(pose, name)
+
+
+def _orthonormal_error(R: Array) -> float:
+    return float(np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(initial=0.0))

@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import fpsample
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from split_drake.bad_input import BadInputError, require_number, require_numbers
 from split_drake.camera import DepthView
@@ -15,6 +15,8 @@ from split_drake.poses import Array
 
 # Of points that any depth camera measures; more was given in millimetres.
 MAX_NOISE_M = 0.1
+# Clouds are kept with single precision, or less.
+_ROUNDING_M = 1e-3
 
 
 class EmptySceneError(BadInputError):
@@ -64,11 +66,14 @@ class Workspace:
         """The height in W up to which points count as table."""
         return self.p_WCenter[2] + self.table_clearance_m
 
-    def contains(self, p_WPs: Array) -> NDArray[np.bool_]:
-        """Return (N,): whether each of the points (N, 3) lies within the cube, above the table."""
+    def contains(self, p_WPs: Array, slack_m: float = 0.0) -> NDArray[np.bool_]:
+        """Return (N,): whether each of the points (N, 3) lies within the cube, above the table.
+
+        Those that lie no further outside than `slack_m` count as well.
+        """
         p_VPs = p_WPs - self.p_WV
-        inside = np.all((p_VPs >= 0.0) & (p_VPs < self.edge_m), axis=-1)
-        return inside & (p_WPs[..., 2] > self.lowest_z_m)
+        inside = np.all((p_VPs >= -slack_m) & (p_VPs < self.edge_m + slack_m), axis=-1)
+        return inside & (p_WPs[..., 2] > self.lowest_z_m - slack_m)
 
 
 def farthest_points(points: Array, count: int) -> Array:
@@ -107,6 +112,20 @@ class Scene:
     workspace: Workspace
     views: tuple[DepthView, ...] = field(repr=False, default=())
 
+    def __post_init__(self) -> None:
+        for name in ("p_WPs", "p_WSs"):
+            points = np.asarray(getattr(self, name))
+            if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+                raise BadInputError(f"{name} has shape {points.shape}; expected (N, 3), N > 0")
+            if not np.isfinite(points).all():
+                raise BadInputError(f"{name} holds NaN or infinite values; see Scene.from_points")
+        outside = int((~self.workspace.contains(self.p_WPs, _ROUNDING_M)).sum())
+        if outside:
+            raise BadInputError(
+                f"{outside} of {len(self.p_WPs)} points p_WPs are outside of the workspace or on "
+                "the table; Scene.from_points crops a cloud"
+            )
+
     SAMPLED_POINTS = 2000
     RESOLUTION = 64
 
@@ -119,6 +138,32 @@ class Scene:
         if not views:
             raise ValueError("no depth views were given; expected at least one")
         points = np.concatenate([view.points(workspace.lowest_z_m) for view in views])
+        return cls._of_points_above(points, workspace, views)
+
+    @classmethod
+    def from_points(
+        cls, p_WPs: ArrayLike, workspace: Workspace, views: Sequence[DepthView] = ()
+    ) -> "Scene":
+        """Return the scene of a cloud of a table and what stands on it; no noise is added.
+
+        Args:
+            p_WPs: (N, 3) metres in W; rows with NaN or infinite values are points not seen.
+            workspace: that the cloud is cropped to.
+            views: that the cloud was made of, if there are any: some detectors need them.
+
+        Raises BadInputError where the cloud has another shape, and EmptySceneError where none of
+        its points lies in the workspace above the table.
+        """
+        points = np.asarray(p_WPs, dtype=float)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise BadInputError(f"the cloud has shape {points.shape}; expected (N, 3)")
+        points = points[np.isfinite(points).all(axis=1)]
+        return cls._of_points_above(points[points[:, 2] > workspace.lowest_z_m], workspace, views)
+
+    @classmethod
+    def _of_points_above(
+        cls, points: Array, workspace: Workspace, views: Sequence[DepthView]
+    ) -> "Scene":
         p_WPs = points[workspace.contains(points)]
         if not len(p_WPs):
             raise EmptySceneError(

@@ -23,7 +23,6 @@ from pydrake.planning import (
 )
 from pydrake.symbolic import Expression, MakeVectorVariable
 
-from models import MODELS_FOLDER
 from planning.collision.world import CollisionWorld
 from split_drake.files import (
     UnreadableFileError,
@@ -32,6 +31,7 @@ from split_drake.files import (
     replacing,
     split_rows,
 )
+from split_drake.models_folder import MODELS_FOLDER
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_OPENING_M
 from split_drake.robot.kinematics import LIMIT_MARGIN_RAD

@@ -12,6 +12,7 @@ table { border-collapse: collapse; width: 100% }
 th, td { text-align: left; vertical-align: top; padding: .3rem .6rem }
 th, td { border-bottom: 1px solid #ddd }
 .ok { color: #1a7f37 } .failed { color: #b3261e }
+img { max-width: 100% }
 @media (max-width: 40rem) { body { margin: 1rem auto } th, td { padding: .25rem .35rem } }
 """
 
@@ -36,10 +37,22 @@ def lines(cells: Sequence[str]) -> str:
     return "<br>".join(cells)
 
 
+def picture(file: str, shown: str) -> str:
+    """Return a picture as wide as the page, from a file beside it, and what it shows in words."""
+    return f'<p><img src="{html.escape(file)}" alt="{html.escape(shown)}"></p>'
+
+
 def table_page(
-    title: str, facts: Sequence[str], heads: Sequence[str], rows: Sequence[Sequence[str]]
+    title: str,
+    facts: Sequence[str],
+    heads: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    after: Sequence[str] = (),
 ) -> str:
-    """Return a page: facts as a list, then a table whose rows are of cells as those above."""
+    """Return a page: facts as a list, a table whose rows are of cells as those above, then more.
+
+    What comes `after` the table are cells or pictures.
+    """
     items = "".join(f"<li>{text(fact)}</li>" for fact in facts)
     first = "".join(f"<th>{text(head)}</th>" for head in heads)
     body = "\n".join(
@@ -49,5 +62,6 @@ def table_page(
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{text(title)}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<style>{_STYLE}</style><h1>{text(title)}</h1><ul>{items}</ul>"
-        f'<div class="wide"><table><tr>{first}</tr>\n{body}\n</table></div></html>\n'
+        f'<div class="wide"><table><tr>{first}</tr>\n{body}\n</table></div>'
+        f"{''.join(after)}</html>\n"
     )

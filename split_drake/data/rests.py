@@ -7,7 +7,6 @@ fixed splits' mugs, so that scenes are drawn as trials start without simulating 
 import os
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.files import interpreting, read_npz, replacing
+from split_drake.models_folder import MODELS_FOLDER
 from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
 from split_drake.objects.rigid import RigidObject
 from split_drake.poses import Array
@@ -79,7 +79,7 @@ def settle(body: RigidObject, count: int, rng: np.random.Generator, config: Stat
 
 def rests_path(split: Split) -> Path:
     """Return where the split's rests are kept."""
-    return Path(str(resources.files("models").joinpath("mugs", f"rests_{split}.npz")))
+    return MODELS_FOLDER / "mugs" / f"rests_{split}.npz"
 
 
 @lru_cache(maxsize=2)

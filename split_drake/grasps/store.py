@@ -6,7 +6,6 @@
 
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from importlib import resources
 from pathlib import Path
 from typing import Self
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from split_drake.bad_input import BadInputError
 from split_drake.files import interpreting, read_npz, replacing, split_rows
 from split_drake.grasps.free_hand import MAX_SLIP_M, MAX_TURN_RAD
+from split_drake.models_folder import MODELS_FOLDER
 from split_drake.objects.mugs.split import Split, mugs_sha256
 from split_drake.poses import Array
 
@@ -71,7 +71,7 @@ class CheckedGrasps:
 
 def store_path(split: Split) -> Path:
     """Return where the split's grasps are kept."""
-    return Path(str(resources.files("models").joinpath("mugs", f"grasps_{split}.npz")))
+    return MODELS_FOLDER / "mugs" / f"grasps_{split}.npz"
 
 
 def write_store(path: Path, grasps: dict[str, CheckedGrasps], sha256: str) -> None:

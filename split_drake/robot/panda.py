@@ -14,7 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Context
 
-from models import MODELS_FOLDER
+from split_drake.models_folder import MODELS_FOLDER
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_OPENING_M
 

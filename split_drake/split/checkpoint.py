@@ -8,7 +8,6 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from torch import Tensor
 
 from split_drake.bad_input import BadInputError
 from split_drake.files import replacing
+from split_drake.models_folder import MODELS_FOLDER
 from split_drake.pose_task import MUG_TASKS, PoseTask
 from split_drake.scene import Workspace
 from split_drake.split.diffusion import NoiseSchedule
@@ -82,7 +82,7 @@ class CheckpointInfo:
 
 def default_weights() -> Path:
     """Return the path of the checkpoint that ships with the project."""
-    return Path(str(resources.files("models").joinpath("weights", DEFAULT_WEIGHTS)))
+    return MODELS_FOLDER / "weights" / DEFAULT_WEIGHTS
 
 
 def save_checkpoint(path: Path, network: SplitNetwork, info: CheckpointInfo) -> None:

@@ -131,8 +131,14 @@ def test_content_that_has_no_meaning_is_told_with_the_path() -> None:
     message = f"^f.npz is damaged or not {WHAT}: 'a' is missing$"
     with pytest.raises(UnreadableFileError, match=message), interpreting("f.npz", WHAT):
         nothing["a"]
-    with pytest.raises(MissingFileError, match=r"^told$"), interpreting("f.npz", WHAT):
-        raise MissingFileError("told")
+    told = "there is no file f.npz"
+    with pytest.raises(MissingFileError, match=rf"^{told}$"), interpreting("f.npz", WHAT):
+        raise MissingFileError(told)
+    with (
+        pytest.raises(UnreadableFileError, match=r"^f\.npz: a is -1$"),
+        interpreting("f.npz", WHAT),
+    ):
+        raise BadInputError("a is -1")
 
 
 def test_rows_are_split_where_their_counts_fit() -> None:

@@ -1,5 +1,6 @@
 """Pose sets and their files."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -215,3 +216,21 @@ def test_parts_of_a_set_are_asked_for_in_numbers_that_it_has() -> None:
         with pytest.raises(BadInputError, match=r"expected \(3,\) booleans, one for each pose"):
             found.subset(kept)
     assert len(found.subset(np.array([True, False, True]))) == 2
+
+
+def test_an_empty_set_says_why(tmp_path: Path) -> None:
+    drawn = {GRASP.name: ScoredPoses(np.stack([np.eye(4)] * 3), np.array([0.1, 0.3, 0.2]))}
+    nothing = accepted_poses(drawn, [GRASP], 0.4)[GRASP.name]
+    assert nothing.reason == (
+        "none of 3 poses drawn was accepted: the best has a score of 0.300, the least that is "
+        "accepted is 0.4"
+    )
+    save_pose_sets(str(tmp_path / "poses.npz"), {GRASP.name: nothing}, np.zeros((1, 3)))
+    assert load_pose_sets(tmp_path / "poses.npz")[0][GRASP.name].reason == nothing.reason
+    some = accepted_poses(drawn, [GRASP], 0.25)[GRASP.name]
+    assert (len(some), some.reason) == (1, "")
+    merged = merged_pose_sets([{GRASP.name: nothing}, {GRASP.name: nothing}])[GRASP.name]
+    assert merged.reason == nothing.reason
+    assert not merged_pose_sets([{GRASP.name: nothing}, {GRASP.name: some}])[GRASP.name].reason
+    with pytest.raises(ValueError, match="1 poses of grasp have a reason why there are none: lost"):
+        replace(some, reason="lost")

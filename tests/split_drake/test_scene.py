@@ -7,7 +7,7 @@ from split_drake.camera import DepthView, Intrinsics, look_at
 from split_drake.scene import EmptySceneError, Scene, Workspace, farthest_points, occupancy_grid
 from split_drake.station.layout import Layout
 
-TOP = Layout().cameras[0]
+TOP, SIDE = Layout().cameras
 WORKSPACE = Layout().workspace
 BOX_TOP_M = 0.102
 
@@ -92,16 +92,84 @@ def view_of(depth: np.ndarray, X_WC: np.ndarray = TOP.X_WC) -> DepthView:
 
 def test_bad_depth_is_named() -> None:
     good = np.full((480, 640), 0.6)
-    nan = good.copy()
-    nan[2, 3] = np.nan
     with pytest.raises(ValueError, match="looks like millimetres"):
         view_of(1000.0 * good)
-    with pytest.raises(ValueError, match="1 NaN"):
-        view_of(nan)
     with pytest.raises(ValueError, match=r"shape \(640, 480\)"):
         view_of(good.T)
     with pytest.raises(ValueError, match="expected metres >= 0"):
         view_of(-good)
+
+
+@pytest.mark.parametrize("nothing", [0.0, np.inf, np.nan, 65.535])
+def test_what_a_camera_did_not_see_is_marked_by_zero(nothing: float) -> None:
+    depth = np.full((480, 640), nothing)
+    depth[100:102, 200:210] = 0.55
+    seen = view_of(depth)
+    assert seen.depth_m.dtype == np.float32
+    assert np.count_nonzero(seen.depth_m) == 20
+    assert len(seen.points()) == 20
+
+
+def test_masked_pixels_are_not_seen() -> None:
+    view = view_of(np.full((480, 640), 0.6))
+    hidden = np.zeros((480, 640), dtype=bool)
+    hidden[:240] = True
+    assert len(view.masked(hidden).points()) == 240 * 640
+    assert not view.masked(hidden).depth_m[:240].any()
+    with pytest.raises(ValueError, match=r"mask has shape \(480,\) and type bool"):
+        view.masked(hidden[:, 0])
+    with pytest.raises(ValueError, match="type int64; expected"):
+        view.masked(hidden.astype(int))
+
+
+def test_a_rotation_of_four_digits_is_made_orthonormal_and_told() -> None:
+    rounded = np.round(SIDE.X_WC, 3)
+    with pytest.warns(UserWarning, match="rotation of X_WC is not orthonormal; its entries were"):
+        view = view_of(np.full((480, 640), 0.6), rounded)
+    R = view.X_WC[:3, :3]
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(R, SIDE.X_WC[:3, :3], atol=1e-3)
+    with pytest.raises(ValueError, match=r"R R\^T - I\| reaches 0\.01"):
+        view_of(np.full((480, 640), 0.6), np.round(SIDE.X_WC, 1) * [1.0, 1.01, 1.0, 1.0])
+
+
+def test_a_camera_matrix_gives_its_numbers() -> None:
+    K = [[500.0, 0.0, 310.0], [0.0, 505.0, 250.0], [0.0, 0.0, 1.0]]
+    assert Intrinsics.from_matrix(K, (640, 480)) == Intrinsics(640, 480, 500, 505, 310, 250)
+    for wrong, said in (
+        (np.eye(4), "expected a \\(3, 3\\) camera matrix"),
+        (np.full((3, 3), np.nan), "expected a \\(3, 3\\) camera matrix"),
+        (np.transpose(K), "expected \\[\\[fx, 0, cx\\]"),
+        (2.0 * np.array(K), "expected \\[\\[fx, 0, cx\\]"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            Intrinsics.from_matrix(wrong, (640, 480))
+
+
+def test_a_cloud_is_cropped_and_points_not_seen_are_left_out() -> None:
+    inside = np.array([[0.5, 0.0, 0.05], [0.52, 0.01, 0.08], [0.45, -0.1, 0.02]])
+    table, far = [0.5, 0.0, 0.001], [0.9, 0.0, 0.05]
+    unseen = [[np.nan] * 3, [0.5, np.inf, 0.1]]
+    scene = Scene.from_points([*inside.tolist(), table, far, *unseen], Workspace())
+    np.testing.assert_array_equal(scene.p_WPs, inside)
+    assert scene.p_WSs.shape == (Scene.SAMPLED_POINTS, 3)
+    assert scene.views == ()
+    with pytest.raises(EmptySceneError, match="none of the 1 points seen above the table"):
+        Scene.from_points([table, far], Workspace())
+    with pytest.raises(ValueError, match=r"cloud has shape \(3, 2\); expected \(N, 3\)"):
+        Scene.from_points(inside[:, :2], Workspace())
+
+
+def test_a_scene_of_points_outside_its_workspace_is_refused() -> None:
+    cloud = np.array([[0.5, 0.0, 0.05], [0.9, 0.0, 0.05], [0.5, 0.0, -0.01]])
+    with pytest.raises(
+        ValueError, match=r"2 of 3 points p_WPs are outside .*Scene.from_points crops"
+    ):
+        Scene(cloud, cloud[:1], Workspace())
+    with pytest.raises(ValueError, match="p_WSs holds NaN"):
+        Scene(cloud[:1], np.full((5, 3), np.nan), Workspace())
+    with pytest.raises(ValueError, match=r"p_WPs has shape \(0, 3\); expected"):
+        Scene(np.empty((0, 3)), cloud, Workspace())
 
 
 def test_bad_camera_poses_are_named() -> None:

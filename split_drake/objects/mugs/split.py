@@ -9,7 +9,6 @@ import json
 from collections import Counter
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from importlib import resources
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -19,6 +18,7 @@ from rich import print
 from split_drake.bad_input import require_count, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.files import write_json
+from split_drake.models_folder import MODELS_FOLDER
 from split_drake.objects.mug_shape import InvalidMugError, MugShape
 from split_drake.objects.mugs.build import build_mug
 from split_drake.objects.mugs.parameters import MugParameters, sample_parameters
@@ -29,7 +29,7 @@ Split = Literal["train", "test"]
 def _split_text(split: str) -> str:
     if split not in get_args(Split):
         raise ValueError(f"split is {split!r}; expected one of {get_args(Split)}")
-    return resources.files("models").joinpath("mugs", f"{split}.json").read_text()
+    return (MODELS_FOLDER / "mugs" / f"{split}.json").read_text()
 
 
 @lru_cache(maxsize=2)

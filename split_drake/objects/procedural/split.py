@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from importlib import resources
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -23,6 +22,7 @@ from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.files import write_json
+from split_drake.models_folder import MODELS_FOLDER
 from split_drake.objects.antipodal import antipodal_share
 from split_drake.objects.procedural import blocks, composed, prisms, slender, turned, vessels
 from split_drake.objects.procedural.kinds import KINDS, build_body
@@ -109,7 +109,7 @@ class ProceduralSource:
 
 
 def _text(split: Split) -> str:
-    return resources.files("models").joinpath("procedural", f"{split}.json").read_text()
+    return (MODELS_FOLDER / "procedural" / f"{split}.json").read_text()
 
 
 @lru_cache(maxsize=2)

@@ -5,8 +5,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import cast, get_args
 
-from models import MODELS_FOLDER
 from split_drake.experiments.provenance import combined_sha256, file_sha256
+from split_drake.models_folder import MODELS_FOLDER
 from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.mugs.split import Split, load_mug, mug_names
 from split_drake.objects.scanned.files import load_mug_file, mug_files

@@ -24,7 +24,7 @@ from pydrake.multibody.tree import (
     SpatialInertia,
 )
 
-from models import MODELS_FOLDER
+from split_drake.models_folder import MODELS_FOLDER
 from split_drake.robot.gripper import HAND_TO_GRIPPER_M
 from split_drake.robot.panda import FINGER_JOINTS, GRIPPER_FRAME, HAND_BODIES, PANDA_URDF
 from split_drake.station.config import StationConfig

@@ -39,7 +39,8 @@ from split_drake.training.losses import Losses, compute_losses
 from tests.helpers.training import BATCH, NETWORK, OPTIMIZER, make_scenes, scenes_on_cpu
 
 SAMPLES = 50
-SCENE = Scene(np.zeros((0, 3)), np.zeros((0, 3)), Workspace())
+POINT = np.array([[0.5, 0.0, 0.1]])
+SCENE = Scene(POINT, POINT, Workspace())
 
 
 def small(network: SplitConfig) -> SplitConfig:

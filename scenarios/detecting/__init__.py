@@ -1,0 +1,1 @@
+"""The parts of detection in a user's own images and clouds."""

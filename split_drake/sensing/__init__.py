@@ -1,0 +1,1 @@
+"""A user's own cameras: their files, images and clouds."""
