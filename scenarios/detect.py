@@ -20,6 +20,7 @@ from scenarios.detecting.pictures import picture
 from scenarios.viewing import page
 from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.experiments.command import run_command
+from split_drake.experiments.run import claim_folder
 from split_drake.files import write_atomically, write_json
 from split_drake.pose_set import merged_pose_sets, save_pose_sets
 from split_drake.poses import Array
@@ -131,6 +132,11 @@ def _write(out: Path, scene: Scene, found: list[FoundObject], facts: list[str]) 
     )
 
 
+def _asked(options: DetectOptions) -> dict[str, str]:
+    """Return the options that say what is detected in what."""
+    return {name: str(value) for name, value in vars(options).items() if name != "out"}
+
+
 def main(options: DetectOptions) -> Path:
     """Find poses, write them, and return the folder that they are in."""
     options.require_sources()
@@ -142,7 +148,8 @@ def main(options: DetectOptions) -> Path:
     found = find_poses(scene, detector, options.tasks, np.random.default_rng(options.seed))
     facts = report_of(scene, measured).facts()
     out = options.out or Path("runs/detect") / time.strftime("%Y%m%d-%H%M%S")
-    _write(out, scene, found, facts)
+    with claim_folder(out, {"detect": _asked(options)}):
+        _write(out, scene, found, facts)
     console = Console(soft_wrap=True)
     for fact in facts:
         console.print(fact)

@@ -67,6 +67,13 @@ def test_images_give_pose_sets_a_table_and_a_page(
     assert np.asarray(Image.open(tmp_path / "picture.png")).std() > 10.0
 
 
+def test_a_folder_of_something_else_is_left_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text("mine")
+    with pytest.raises(BadInputError, match="it is no folder of an earlier run"):
+        main(DetectOptions(cloud=EXAMPLES / "scene.ply", out=tmp_path))
+    assert (tmp_path / "index.html").read_text() == "mine"
+
+
 def test_a_cloud_gives_the_same(tmp_path: Path) -> None:
     main(DetectOptions(cloud=EXAMPLES / "scene.ply", out=tmp_path))
     assert_found(load_pose_sets(tmp_path / "pose_sets.npz")[0])
