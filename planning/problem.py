@@ -128,7 +128,7 @@ class Plan:
     INSERT    once or more: to the goal, and down by feel (`stop_on_contact`)          yes
     OPEN      at rest                                                                  no
     RETREAT   straight back, slowly (`timing.RETREATING` in `planning.motion`)            no
-    TRANSIT   away from the object; home (Q_HOME) where the subgoal wants that         no
+    TRANSIT   away from the object; home (q_home) where the subgoal wants that         no
     ========  =======================================================================  =======
 
     All are there, in this order, but for the last TRANSIT where the subgoal does without

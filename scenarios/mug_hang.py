@@ -33,9 +33,11 @@ from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import RunFolder, as_json, require_results
-from split_drake.files import interpreting, read_json_object
+from split_drake.files import interpreting, read_json_object, write_atomically
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.scene import MAX_NOISE_M
+from split_drake.station.config import StationConfig
+from split_drake.station.file.station_file import station_to_yaml
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,8 @@ class MugHangOptions:
         noise_m: standard deviation of the noise on the sampled points.
         depth_noise: of the depth images themselves, which detector, planner and registration see:
             levels of `split_drake.depth_noise`.
+        station: a YAML file of where cameras, table and hook stand, see
+            split_drake/station/file/station_file.py; the usual station where not given.
         objects: other things that stand beside the mug: boxes, bowls, cans and such.
         pose_noise_mm, pose_noise_deg: standard deviations, along and about each axis, of Gaussian
             noise on every pose of the oracle, drawn by the trial's seed.
@@ -76,7 +80,8 @@ class MugHangOptions:
     planner: str = "default"
     checkpoint: Path | None = None
     noise_m: float = 0.005
-    depth_noise: DepthNoiseLevel = "none"
+    depth_noise: DepthNoiseLevel | None = None
+    station: Path | None = None
     objects: int = 0
     pose_noise_mm: float = 0.0
     pose_noise_deg: float = 0.0
@@ -135,6 +140,7 @@ def run_config(options: MugHangOptions) -> dict[str, Any]:
     source = MugSource(options.mugs)
     if source.folder is not None:
         config["mesh_sha256"] = {name: source.mesh_sha256(name) for name in source.names()}
+    config["station_sha256"] = None if options.station is None else file_sha256(options.station)
     config["checkpoint_sha256"] = None
     if options.detector == "split":
         config["checkpoint_sha256"] = file_sha256(options.checkpoint or default_weights())
@@ -143,8 +149,7 @@ def run_config(options: MugHangOptions) -> dict[str, Any]:
 
 def specs_of(options: MugHangOptions, folder: Path, done: Collection[int]) -> list[TrialSpec]:
     """Return the trials of a run, without those whose indices are `done`."""
-    station = station_of(options.detector, options.checkpoint)
-    station = replace(station, depth_noise=options.depth_noise)
+    station = asked_station(options)
     return [
         TrialSpec(
             index=index,
@@ -166,6 +171,17 @@ def specs_of(options: MugHangOptions, folder: Path, done: Collection[int]) -> li
         for index in range(options.trials)
         if index not in done
     ]
+
+
+def asked_station(options: MugHangOptions) -> StationConfig:
+    """Return the station of the trials: the usual one, or a file's, with the noise asked for.
+
+    Raises BadInputError where the file cannot be used.
+    """
+    station = station_of(options.detector, options.checkpoint, options.station)
+    if options.depth_noise is None:
+        return station
+    return replace(station, depth_noise=options.depth_noise)
 
 
 def earlier_wall_s(folder: Path) -> float:
@@ -210,6 +226,7 @@ def main(options: MugHangOptions) -> Path:
     require_working_detector(options.detector, options.checkpoint, find_subgoal(options.task))
     with run.claim(config, FREE_KEYS, again=lambda record: record.failed_to_run):
         before_s = earlier_wall_s(folder)
+        write_atomically(folder / "station.yaml", station_to_yaml(asked_station(options)))
         specs = specs_of(options, folder, {record.index for record in run.records()})
         if specs:
             require_working_mugs(options, folder, specs[0], console)

@@ -51,6 +51,8 @@ class RecordOptions:
         tasks: subgoals that problems are recorded for.
         detectors: that pose sets come from.
         mugs: shapes that the model was tested on, or those it was trained on.
+        station: a YAML file of where cameras, table and hook stand, see
+            split_drake/station/file/station_file.py; the usual station where not given.
         noise_m: standard deviation of the noise on the sampled points.
         checkpoint: weights of SPLIT; those that ship with the project where not given.
         workers: processes; the file does not depend on them.
@@ -62,6 +64,7 @@ class RecordOptions:
     tasks: tuple[MugTaskName, ...] = MUG_TASK_NAMES
     detectors: tuple[Literal["split", "oracle"], ...] = ("split", "oracle")
     mugs: Literal["test", "train"] = "test"
+    station: Path | None = None
     noise_m: float = 0.005
     checkpoint: Path | None = None
     workers: int = len(os.sched_getaffinity(0))
@@ -121,7 +124,7 @@ def specs_of(options: RecordOptions) -> list[TrialSpec]:
                 noise_m=options.noise_m,
                 record="none",
                 folder=options.out.parent,
-                station=station_of(detector, options.checkpoint),
+                station=station_of(detector, options.checkpoint, options.station),
             )
         )
     return specs

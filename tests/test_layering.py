@@ -24,6 +24,7 @@ ROOMS = (
     "split_drake.objects.procedural",
     "split_drake.objects.files",
     "split_drake.station",
+    "split_drake.station.file",
     "split_drake.split",
     "split_drake.baselines",
     "split_drake.grasps",

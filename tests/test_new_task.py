@@ -37,7 +37,7 @@ from split_drake.grasps.sampling import sample_grasps
 from split_drake.pose_set import PoseSet, load_pose_sets, save_pose_sets
 from split_drake.pose_task import GRASP, UnknownTaskError
 from split_drake.poses import make_pose, rotation_z
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from split_drake.scene import Scene
 from split_drake.split.detector import SplitDetector
 from split_drake.split.network_config import SplitConfig

@@ -25,7 +25,7 @@ from planning.problem import PlanFailure, Segment, SegmentName, Stage
 from split_drake.pose_task import GRASP
 from split_drake.poses import Array, make_pose, rotation_x, rotation_z
 from split_drake.robot.gripper import MAX_OPENING_M
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.layout import same_fixtures
 
 # Bounds of the search; the clock plays no part, so that the same seed gives the same plan.
@@ -86,8 +86,10 @@ class _Search:
             return None
         for q_drop in self._drops(taking):
             transfer = self._motion(taking.lift_qs[-1], q_drop, taking.carrying)
-            home = None if transfer is None else self._motion(q_drop, Q_HOME, taking.emptied)
-            if transfer is not None and home is not None:
+            if transfer is None:
+                continue
+            home = self._motion(q_drop, self._world.layout.q_home, taking.emptied)
+            if home is not None:
                 return self._timed(taking, transit, transfer, home)
         self._rejected["no way to the bin"] += 1
         return None

@@ -19,7 +19,6 @@ from planning.problem import SAMPLE_S, JointTrajectory, Plan, Segment, SegmentNa
 from planning.subgoal import AllowedContact
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_OPENING_M
-from split_drake.robot.panda import Q_HOME
 from split_drake.station.layout import Layout
 
 # Paths are driven back through points this many samples apart.
@@ -84,7 +83,8 @@ class Recovery:
         seen = seen[workspace.contains(seen)]
         obstacles = voxel_centroids(seen, OBSTACLE_VOXEL_M) if len(seen) else None
         situation = Situation(opening_m, p_WStanding=obstacles)
-        path = free_motion(MotionQuery(self._world, robot.q, Q_HOME, situation), rng)
+        q_home = self._world.layout.q_home
+        path = free_motion(MotionQuery(self._world, robot.q, q_home, situation), rng)
         if isinstance(path, NoMotion):
             return False
         segment = SegmentBuilder(self._world).empty(SegmentName.TRANSIT, path, FREE, situation)

@@ -12,7 +12,13 @@ from pydrake.solvers import SnoptSolver
 
 from split_drake.poses import Array
 from split_drake.robot.kinematics import LIMIT_MARGIN_RAD, closed_form_ik
-from split_drake.robot.panda import GRIPPER_FRAME, Q_HOME, add_panda, arm_limits, panda_positions
+from split_drake.robot.panda import (
+    GRIPPER_FRAME,
+    add_panda,
+    arm_limits,
+    panda_positions,
+)
+from split_drake.robot.posture import Q_HOME
 
 # Values of the last joint at which poses are solved; a half turn of the gripper is another pose.
 Q7_COUNT = 20

@@ -32,7 +32,6 @@ from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP, Symmetry
 from split_drake.poses import Array
 from split_drake.robot.kinematics import gripper_pose
-from split_drake.robot.panda import Q_HOME
 from split_drake.station.layout import Layout, same_fixtures
 
 # Bounds of the search; the clock plays no part, so that the same seed gives the same plan.
@@ -71,7 +70,7 @@ class PickPlacePlanner:
     def _plan_near(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
         grasps = problem.pose_sets[GRASP.name]
         X_WU = best_upright(problem.pose_sets)
-        target = PerceivedObject.from_cloud(problem.p_WPs, X_WU)
+        target = PerceivedObject.from_cloud(problem.p_WPs, X_WU, problem.layout.table_z_m)
         if problem.held_width_m is not None:
             off_palm = clear_of_palm(gripper_pose(problem.q_start), target.p_WObstacles)
             target = replace(target, p_WObstacles=target.p_WObstacles[off_palm])
@@ -85,8 +84,7 @@ class PickPlacePlanner:
         )
         if not goals:
             return PlanFailure(Stage.PERCEPTION, f"no goal for {problem.subgoal} was detected")
-        table_z_m = problem.layout.workspace.p_WCenter[2]
-        obstacles = filled_down(problem.p_WObstacles, table_z_m)
+        obstacles = filled_down(problem.p_WObstacles, problem.layout.table_z_m)
         world = self._world_of(problem.layout).among(obstacles)
         search = _Search(world, self._ik, self._free_motion, problem, target, goals, rng)
         if problem.held_width_m is not None:
@@ -250,7 +248,7 @@ class _Search:
         after = Situation(pick.release_m, p_WStanding=place.p_WReleased)
         if not self._problem.subgoal.goes_home:
             return Route(transit, transfer, self._withdrawal(place.retreat_qs[-1], after))
-        home = self._motion(place.retreat_qs[-1], Q_HOME, after)
+        home = self._motion(place.retreat_qs[-1], self._world.layout.q_home, after)
         return None if home is None else Route(transit, transfer, home)
 
     def _withdrawal(self, q: Array, after: Situation) -> Array | None:

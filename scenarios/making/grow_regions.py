@@ -23,7 +23,7 @@ from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_OPENING_M
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.layout import Layout, same_fixtures
 
 

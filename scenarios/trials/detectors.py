@@ -17,6 +17,7 @@ from split_drake.pose_set import PoseDetector
 from split_drake.pose_task import find_tasks
 from split_drake.station.config import StationConfig
 from split_drake.station.egl import check_rendering
+from split_drake.station.file.station_file import read_station
 from split_drake.station.layout import Layout
 from split_drake.truth.oracle import OracleDetector
 
@@ -53,7 +54,16 @@ def require_working_detector(detector: str, checkpoint: Path | None, task: Subgo
         find_tasks(task.perceived_tasks, info.tasks, str(path))
 
 
-def station_of(detector: str, checkpoint: Path | None) -> StationConfig:
+def station_of(detector: str, checkpoint: Path | None, file: Path | None = None) -> StationConfig:
+    """Return a file's station, or the usual one; its workspace is as large as the detector's.
+
+    Raises BadInputError where the file cannot be used.
+    """
+    usual = _usual_station(detector, checkpoint)
+    return usual if file is None else read_station(file, usual)
+
+
+def _usual_station(detector: str, checkpoint: Path | None) -> StationConfig:
     """Return a station whose workspace is the one that the detector was trained on."""
     if detector != "split":
         return StationConfig(Layout())

@@ -84,7 +84,7 @@ class DomainRandomization:
         return X_WC @ _displacement(self.calibration_turn_rad, self.calibration_shift_m, rng)
 
     def draw_table_z_m(self, rng: np.random.Generator) -> float:
-        """Return the height of the table in W."""
+        """Return how much higher the table is than it is taken for."""
         return float(rng.normal(0.0, self.table_height_m))
 
     def missing(self, image: RayImage, rng: np.random.Generator) -> NDArray[np.bool_]:

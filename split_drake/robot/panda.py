@@ -30,13 +30,6 @@ GRIPPER_FRAME = "gripper"
 # Upper bounds of the torques that carry the arm's own weight, from 20,000 random configurations.
 MAX_WEIGHT_NM = (0.0, 57.0, 30.0, 23.0, 2.7, 2.5, 0.1)
 
-# The hand hangs over the table between the base and the workspace, behind every line of sight from
-# the cameras of `layout.two_views` to the workspace.
-Q_HOME: Array = np.array([0.0, -0.9, 0.0, -2.5, 0.0, 1.6, np.pi / 4])
-
-
-Q_HOME.setflags(write=False)
-
 
 @dataclass(frozen=True)
 class ArmLimits:

@@ -10,6 +10,7 @@ The pose is one of
 
 The camera's frame is OpenCV's: x right, y down, z into the scene.
 Optional is `workspace`, with the `center` of the cube's footprint on the table.
+A station's file (`split_drake/station/file`) is such a file, too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,6 +34,8 @@ from split_drake.sensing.yaml_file import Fields, numbers, read_yaml, require_ke
 
 WHAT = "a file of cameras, see split_drake/sensing/camera_file.py"
 _POSES = ("look_at", "pose", "X_WC")
+# A station's file may be given in place of one of cameras.
+STATION_SECTIONS = ("table", "hook", "bin", "home", "depth_noise", "contact")
 
 
 @dataclass(frozen=True)
@@ -95,14 +98,21 @@ def read_cameras(path: Path | str) -> CameraFile:
     path = Path(path)
     fields = read_yaml(path, WHAT)
     with interpreting(path, WHAT):
-        require_keys(fields, str(path), ("cameras", "workspace"), ("cameras",))
-        listed = fields["cameras"]
-        if not isinstance(listed, list) or not listed:
-            raise BadInputError(f"{path}: cameras is {listed!r:.60}; expected a list of cameras")
-        cameras = [
-            _camera(each, f"{path}: camera {i}", path.parent) for i, each in enumerate(listed)
-        ]
+        # What else a station's file holds is of no interest to a camera.
+        known = ("cameras", "workspace", *STATION_SECTIONS)
+        require_keys(fields, str(path), known, ("cameras",))
+        cameras = cameras_of(fields["cameras"], str(path), path.parent)
         return CameraFile(cameras, _workspace(fields.get("workspace"), f"{path}: workspace"))
+
+
+def cameras_of(given: Any, where: str, folder: Path) -> list[UserCamera]:
+    """Return the cameras of a list in a file of that folder.
+
+    Raises BadInputError naming the camera and the key that cannot be used.
+    """
+    if not isinstance(given, list) or not given:
+        raise BadInputError(f"{where}: cameras is {given!r:.60}; expected a list of cameras")
+    return [_camera(each, f"{where}: camera {i}", folder) for i, each in enumerate(given)]
 
 
 def _camera(given: Any, where: str, folder: Path) -> UserCamera:
@@ -132,7 +142,7 @@ def camera_pose(fields: Fields, where: str) -> Array:
         raise BadInputError(
             f"{where} has {' and '.join(given) or 'no pose'}; expected one of {', '.join(_POSES)}"
         )
-    readers = {"look_at": _looking_at, "pose": _position_and_quaternion, "X_WC": _rows}
+    readers = {"look_at": _looking_at, "pose": _position_and_quaternion, "X_WC": pose_rows}
     try:
         return readers[given[0]](fields[given[0]], f"{where}: {given[0]}")
     except BadInputError:
@@ -160,7 +170,8 @@ def _position_and_quaternion(given: Any, where: str) -> Array:
     return make_pose(Rotation.from_quat(quaternion, scalar_first=True).as_matrix(), position)
 
 
-def _rows(given: Any, where: str) -> Array:
+def pose_rows(given: Any, where: str) -> Array:
+    """Return a pose (4, 4) that is given as four rows; BadInputError naming `where` if none is."""
     if not isinstance(given, list) or len(given) != 4:
         raise BadInputError(f"{where} is {given!r:.60}; expected four rows of four numbers")
     return nearest_pose([numbers(row, 4, f"a row of {where}") for row in given], where)

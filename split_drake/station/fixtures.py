@@ -59,8 +59,8 @@ def drake_shape(primitive: Primitive) -> Shape:
 
 def table_primitive(layout: Layout) -> Primitive:
     """Return the table's top in W."""
-    height = layout.table_size_m[2]
-    return Primitive("box", layout.table_size_m, make_pose(p=(*layout.p_WTable, -height / 2.0)))
+    middle_z_m = layout.table_z_m - layout.table_size_m[2] / 2.0
+    return Primitive("box", layout.table_size_m, make_pose(p=(*layout.p_WTable, middle_z_m)))
 
 
 def hook_primitives(layout: Layout) -> tuple[Primitive, Primitive]:
@@ -74,8 +74,8 @@ def hook_primitives(layout: Layout) -> tuple[Primitive, Primitive]:
         make_pose(rotation_x(-np.pi / 2.0), peg_center),
     )
     x, y, z = (layout.X_WK @ (0.0, -hook.post_distance_m, 0.0, 1.0))[:3]
-    post_height = z + hook.post_above_m
-    X_WPost = make_pose(p=(x, y, post_height / 2.0))
+    post_height = z + hook.post_above_m - layout.table_z_m
+    X_WPost = make_pose(p=(x, y, layout.table_z_m + post_height / 2.0))
     X_KPost = invert_pose(layout.X_WK) @ X_WPost
     return peg, Primitive("cylinder", (hook.post_radius_m, post_height), X_KPost)
 
@@ -122,9 +122,9 @@ def add_scenery(plant: MultibodyPlant, layout: Layout) -> None:
     """Add what is seen around the station but never touched: robot's and bin's stand, legs."""
     x, y = layout.p_WTable
     size_x, size_y, thickness = layout.table_size_m
-    leg_height = FLOOR_DEPTH_M - thickness
+    leg_height = FLOOR_DEPTH_M + layout.table_z_m - thickness
     inset = LEG_EDGE_M / 2.0 + 0.02
-    z_leg = -thickness - leg_height / 2.0
+    z_leg = leg_height / 2.0 - FLOOR_DEPTH_M
     pieces = {
         "stand": (Box(0.26, 0.26, FLOOR_DEPTH_M), (-0.02, 0.0, -FLOOR_DEPTH_M / 2.0), _STAND_RGBA),
     }

@@ -25,10 +25,10 @@ from split_drake.robot.panda import (
     FINGER_BODIES,
     GRIPPER_FRAME,
     HAND_BODIES,
-    Q_HOME,
     add_panda,
     panda_positions,
 )
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.config import StationConfig
 from split_drake.station.contacts import contacts_of, penetration_m
 from split_drake.station.fixtures import TABLE_BODY, add_objects, drake_shape, table_primitive

@@ -4,10 +4,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from split_drake.bad_input import require_numbers
+from split_drake.bad_input import require_number, require_numbers
 from split_drake.camera import Intrinsics, look_at
 from split_drake.poses import Array, make_pose, rotation_x
+from split_drake.robot.posture import HIGHEST_Q, LOWEST_Q, Q_HOME
 from split_drake.scene import Workspace
+
+# The floor is 0.75 m below the robot's base.
+_TABLE_RANGE_M = (-0.6, 0.8)
 
 
 @dataclass(frozen=True)
@@ -108,8 +112,12 @@ class Layout:
         X_WK: (4, 4) pose of the hook.
         hook: its shape.
         bin: what things are dropped into; None for none.
-        table_size_m: edges of the table's box; its top is at z = 0.
+        table_size_m: edges of the table's box; its top is where the workspace's centre is.
         p_WTable: (x, y) of the table's centre.
+        q_home: (7,) joint angles at which the arm rests, out of the cameras' sight, rad.
+
+    Raises BadInputError where a joint of `q_home` is out of its range, or the table is higher or
+    lower than any that the robot works at.
     """
 
     workspace: Workspace = field(default_factory=Workspace)
@@ -121,18 +129,36 @@ class Layout:
     bin: OpenBin | None = None
     table_size_m: tuple[float, float, float] = (0.7, 1.2, 0.05)
     p_WTable: tuple[float, float] = (0.55, 0.0)
+    q_home: Array = field(default_factory=lambda: Q_HOME)
 
     def __post_init__(self) -> None:
+        require_number(
+            "the table's height, which is that of the workspace's centre,",
+            self.table_z_m,
+            *_TABLE_RANGE_M,
+            "metres above the robot's base",
+        )
+        for number, (q, least, most) in enumerate(
+            zip(self.q_home, LOWEST_Q, HIGHEST_Q, strict=True)
+        ):
+            require_number(f"joint {number + 1} of q_home", float(q), least, most, "rad")
         if not self.cameras:
             object.__setattr__(self, "cameras", two_views(self.workspace))
 
+    @property
+    def table_z_m(self) -> float:
+        """The height in W of the table's top."""
+        return float(self.workspace.p_WCenter[2])
+
 
 def same_fixtures(one: Layout, other: Layout) -> bool:
-    """Return whether two layouts have the same table, hook and bin, all that a world keeps."""
+    """Return whether two layouts have the same table, hook, bin and home, which a world keeps."""
     return (
         np.array_equal(one.X_WK, other.X_WK)
+        and np.array_equal(one.q_home, other.q_home)
         and one.hook == other.hook
         and one.bin == other.bin
+        and one.table_z_m == other.table_z_m
         and one.table_size_m == other.table_size_m
         and one.p_WTable == other.p_WTable
     )

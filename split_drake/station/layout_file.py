@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from split_drake.camera import Intrinsics
+from split_drake.robot.posture import Q_HOME
 from split_drake.scene import Workspace
 from split_drake.station.layout import CameraPlacement, HookShape, Layout, OpenBin
 
@@ -27,6 +28,7 @@ def layout_from_fields(fields: Mapping[str, Any]) -> Layout:
         bin=_bin_from(fields.get("bin")),
         table_size_m=tuple(fields["table_size_m"]),
         p_WTable=tuple(fields["p_WTable"]),
+        q_home=np.array(fields.get("q_home", Q_HOME)),
     )
 
 
@@ -42,6 +44,9 @@ def layout_from_json(text: str) -> Layout:
 
 def _fixtures(layout: Layout) -> dict[str, Any]:
     bin_there = {} if layout.bin is None else {"bin": asdict(layout.bin)}
+    # Left out where it is the usual one: files of before have none, and are still the same.
+    usual = np.array_equal(layout.q_home, Q_HOME)
+    home = {} if usual else {"q_home": np.asarray(layout.q_home).tolist()}
     return {
         **bin_there,
         "workspace": asdict(layout.workspace),
@@ -49,6 +54,7 @@ def _fixtures(layout: Layout) -> dict[str, Any]:
         "hook": asdict(layout.hook),
         "table_size_m": list(layout.table_size_m),
         "p_WTable": list(layout.p_WTable),
+        **home,
     }
 
 

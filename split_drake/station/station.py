@@ -15,7 +15,7 @@ from split_drake.objects.rigid import RigidObject
 from split_drake.poses import Array
 from split_drake.robot.arm_command import check_force
 from split_drake.robot.gripper import MAX_FORCE_N, MAX_OPENING_M
-from split_drake.robot.panda import Q_HOME, add_panda, panda_positions
+from split_drake.robot.panda import add_panda, panda_positions
 from split_drake.station.config import StationConfig
 from split_drake.station.depth_cameras import add_depth_camera, add_renderer, depth_view, photograph
 from split_drake.station.detector_system import PoseDetectorSystem
@@ -98,7 +98,7 @@ class Station:
         self.diagram = builder.Build()
         self.diagram.set_name("station")
         self.simulator = Simulator(self.diagram)
-        self.set_arm(Q_HOME, MAX_OPENING_M)
+        self.set_arm(layout.q_home, MAX_OPENING_M)
         self.simulator.Initialize()
 
     # What the robot is told.

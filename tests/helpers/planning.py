@@ -13,7 +13,7 @@ from planning.subgoal import Subgoal
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP, HANDLE, UPRIGHT
 from split_drake.poses import Array, make_pose, rotation_x, rotation_z, transform_points
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.layout import Layout
 
 RADIUS_M = 0.034

@@ -7,7 +7,7 @@ import numpy as np
 from split_drake.camera import DepthView
 from split_drake.poses import Array
 from split_drake.robot.kinematics import gripper_jacobian, gripper_pose
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 
 
 @dataclass

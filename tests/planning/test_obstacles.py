@@ -13,7 +13,7 @@ from planning.problem import Plan, PlanFailure, PlanningProblem
 from planning.subgoal import AllowedContact, find_subgoal
 from split_drake.poses import Array, make_pose, transform_points
 from split_drake.robot.kinematics import gripper_pose
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.layout import Layout
 from tests.helpers.clutter import box_cloud
 from tests.helpers.planning import STANDING, configuration, mug_problem

@@ -22,7 +22,7 @@ from split_drake.objects.mugs.split import load_mug
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP, HANDLE, UPRIGHT
 from split_drake.poses import Array, make_pose, rotation_x, rotation_z
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from split_drake.scene import Scene
 from split_drake.station.layout import Layout
 

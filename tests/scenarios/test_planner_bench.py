@@ -41,7 +41,8 @@ from scenarios.planner_bench import BenchOptions, main, subgoals_of
 from split_drake.experiments.run import json_line
 from split_drake.poses import Array, make_pose, rotation_x
 from split_drake.robot.kinematics import closed_form_ik
-from split_drake.robot.panda import Q_HOME, panda_positions
+from split_drake.robot.panda import panda_positions
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.layout import Layout
 from tests.helpers.planning import LYING, STANDING, mug_problem
 

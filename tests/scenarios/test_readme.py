@@ -25,7 +25,7 @@ from split_drake.data.render import DepthRenderer
 from split_drake.objects.mugs.split import load_mug
 from split_drake.pose_set import PoseSet, load_pose_sets
 from split_drake.poses import Array, make_pose
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.layout import Layout, OpenBin
 from tests.helpers.clutter import box_cloud, grasp_from_above, grasps
 from tests.helpers.planning import LYING, STANDING, mug_problem, reorient_plan

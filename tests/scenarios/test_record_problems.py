@@ -15,7 +15,7 @@ from scenarios.making import grow_regions
 from scenarios.making.grow_regions import GrowOptions
 from scenarios.record_problems import MAX_POSES, RecordOptions, main, record_problem, specs_of
 from split_drake.poses import make_pose
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.layout import Layout
 from tests.helpers.planning import STANDING, mug_problem
 

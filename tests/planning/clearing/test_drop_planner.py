@@ -15,7 +15,7 @@ from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP
 from split_drake.poses import invert_pose, transform_points
 from split_drake.robot.kinematics import gripper_pose
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.layout import Layout, OpenBin
 from tests.helpers.clutter import box_cloud, grasp_from_above, grasps
 

@@ -26,7 +26,8 @@ from planning.subgoal import AllowedContact
 from split_drake.poses import Array, transform_points
 from split_drake.robot.gripper import PALM, Box
 from split_drake.robot.kinematics import gripper_pose, link_poses
-from split_drake.robot.panda import Q_HOME, add_panda, arm_limits, panda_positions
+from split_drake.robot.panda import add_panda, arm_limits, panda_positions
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.fixtures import add_hook, add_table
 from split_drake.station.layout import Layout, OpenBin
 from tests.helpers.planning import configuration

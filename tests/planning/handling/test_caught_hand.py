@@ -18,7 +18,7 @@ from planning.motion.free import NoMotion
 from planning.problem import Segment, SegmentName, Stage
 from split_drake.poses import Array, invert_pose, make_pose, rotation_z, transform_points
 from split_drake.robot.kinematics import gripper_pose
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from tests.helpers.handling import WIDTH_M, Placer, failures, handle, sees
 from tests.helpers.planning import STANDING, mug_problem, reorient_plan
 from tests.helpers.robot import PerfectRobot

@@ -17,7 +17,7 @@ from planning.motion.free import NoMotion
 from planning.problem import Segment, SegmentName, Stage
 from split_drake.poses import Array, make_pose, transform_points
 from split_drake.robot.kinematics import gripper_pose
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from tests.helpers.handling import (
     WIDTH_M,
     Placer,

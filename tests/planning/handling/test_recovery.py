@@ -11,7 +11,7 @@ from planning.motion.free import NoMotion
 from planning.problem import SAMPLE_S, Segment, SegmentName
 from split_drake.poses import transform_points
 from split_drake.robot.kinematics import gripper_pose
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.layout import Layout
 from tests.helpers.planning import mug_cloud, reorient_plan
 from tests.helpers.robot import PerfectRobot

@@ -12,7 +12,8 @@ from planning.motion.timing import CAREFUL, FREE, Speed, join, rest, time_path
 from planning.motion.trajopt import optimize_path
 from planning.problem import SAMPLE_S, JointTrajectory
 from split_drake.poses import Array
-from split_drake.robot.panda import Q_HOME, arm_limits
+from split_drake.robot.panda import arm_limits
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.layout import Layout
 from tests.helpers.planning import configuration
 

@@ -25,7 +25,7 @@ from planning.problem import Plan
 from split_drake.files import UnreadableFileError, read_npz
 from split_drake.poses import Array, make_pose, transform_points
 from split_drake.robot.kinematics import gripper_pose
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.layout import Layout
 from tests.helpers.damage import times_told
 from tests.helpers.planning import LYING, STANDING, configuration, mug_cloud, mug_problem

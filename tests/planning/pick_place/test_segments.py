@@ -15,7 +15,7 @@ from planning.pick_place.segments import Route, plan_segments
 from planning.problem import Segment, SegmentName
 from planning.subgoal import AllowedContact, Placement
 from split_drake.poses import make_pose
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.layout import Layout
 
 # Where the straight lines of pick and place begin and end.

@@ -15,7 +15,7 @@ from scenarios.clutter.rounds import run_round
 from scenarios.clutter.spec import draw_start, drawn_objects
 from scenarios.clutter_removal import ClutterOptions, missing_rounds
 from split_drake.poses import make_pose
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 from split_drake.scene import Scene
 from split_drake.station.config import StationConfig
 from split_drake.station.hand.hand_station import HandStation

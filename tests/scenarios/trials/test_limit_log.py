@@ -9,7 +9,8 @@ from scenarios.trials.limit_log import LimitLog, Peaks, worst
 from scenarios.trials.records import TrialRecord, worst_peaks
 from scenarios.trials.report import index_page, rates_by_width
 from split_drake.objects.mugs.split import load_mug
-from split_drake.robot.panda import MAX_WEIGHT_NM, Q_HOME, arm_limits, weight_torques_nm
+from split_drake.robot.panda import MAX_WEIGHT_NM, arm_limits, weight_torques_nm
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.station import Station
 from split_drake.truth.state import Truth
 from tests.helpers.planning import configuration

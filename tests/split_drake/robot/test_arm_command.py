@@ -9,7 +9,7 @@ from pydrake.systems.framework import Diagram
 from split_drake.poses import Array
 from split_drake.robot.arm_command import COMMAND_PERIOD_S, arm_command_system, check_force
 from split_drake.robot.gripper import MAX_FORCE_N
-from split_drake.robot.panda import Q_HOME
+from split_drake.robot.posture import Q_HOME
 
 KP_N_PER_M = 4000.0
 V = np.array([0.5, -0.4, 0.3, 0.2, -0.1, 0.6, 1.5])

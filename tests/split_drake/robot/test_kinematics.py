@@ -15,7 +15,13 @@ from split_drake.robot.kinematics import (
     gripper_poses,
     link_poses,
 )
-from split_drake.robot.panda import GRIPPER_FRAME, Q_HOME, add_panda, arm_limits, panda_positions
+from split_drake.robot.panda import (
+    GRIPPER_FRAME,
+    add_panda,
+    arm_limits,
+    panda_positions,
+)
+from split_drake.robot.posture import Q_HOME
 
 
 @pytest.fixture(scope="module")

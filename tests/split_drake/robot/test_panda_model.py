@@ -20,11 +20,11 @@ from split_drake.robot.panda import (
     FINGER_BODIES,
     FINGER_JOINTS,
     GRIPPER_FRAME,
-    Q_HOME,
     add_panda,
     arm_limits,
     panda_positions,
 )
+from split_drake.robot.posture import Q_HOME
 from split_drake.scene import EmptySceneError, Scene, Workspace
 from split_drake.station.station import Station
 from tests.helpers.stations import STATION

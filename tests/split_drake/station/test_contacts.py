@@ -8,7 +8,8 @@ import trimesh
 
 from split_drake.objects.rigid import Primitive, RigidObject
 from split_drake.poses import Array, invert_pose, make_pose, transform_points
-from split_drake.robot.panda import FINGER_BODIES, GRIPPER_FRAME, Q_HOME
+from split_drake.robot.panda import FINGER_BODIES, GRIPPER_FRAME
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.config import ContactModel
 from split_drake.station.contacts import contacts_of, penetration_m
 from split_drake.station.station import Station

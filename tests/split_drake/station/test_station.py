@@ -14,7 +14,8 @@ from split_drake.objects.mugs.split import load_mug
 from split_drake.objects.rigid import Primitive, RigidObject
 from split_drake.poses import Array, make_pose, rotation_x, rotation_y, rotation_z
 from split_drake.robot.gripper import MAX_FORCE_N, MAX_OPENING_M
-from split_drake.robot.panda import GRIPPER_FRAME, Q_HOME
+from split_drake.robot.panda import GRIPPER_FRAME
+from split_drake.robot.posture import Q_HOME
 from split_drake.station.config import StationConfig
 from split_drake.station.egl import RenderingUnavailableError, check_rendering
 from split_drake.station.layout import Layout

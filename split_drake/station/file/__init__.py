@@ -1,0 +1,1 @@
+"""A station as a YAML file."""
