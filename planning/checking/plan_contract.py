@@ -145,7 +145,7 @@ def _between_pads(X_WG: Array, problem: PlanningProblem) -> bool:
     """Return whether the object, completed where its upright pose is known, is between the pads."""
     uprights = problem.pose_sets.get(UPRIGHT.name)
     X_WU = uprights.X_WPs[0] if uprights is not None and len(uprights) else None
-    surface = PerceivedObject.from_cloud(problem.p_WPs, X_WU).p_WSurface
+    surface = PerceivedObject.from_cloud(problem.p_WPs, X_WU, problem.layout.table_z_m).p_WSurface
     half_x_m, half_z_m = (0.5 * size_m + BESIDE_PADS_M for size_m in PAD_SIZE_M)
     p_GPs = np.abs(transform_points(invert_pose(X_WG), surface))
     return bool(np.any(np.all(p_GPs < (half_x_m, 0.5 * MAX_OPENING_M, half_z_m), axis=1)))

@@ -170,7 +170,7 @@ class TrajectoryChecker:
         `TABLE_LIFT_M` above the segment's start.
         """
         for point, spared in zip(p_WPs, exempt, strict=True):
-            on_table = low and point[2] > -MAX_TABLE_DEPTH_M
+            on_table = low and point[2] > self.layout.table_z_m - MAX_TABLE_DEPTH_M
             for hit in query.ComputeSignedDistanceToPoint(point, TOUCH_M):
                 if not self._declared(hit, segment, bool(spared), on_table):
                     return f"the object is {1e3 * hit.distance:.1f} mm from {self._body(hit.id_G)}"

@@ -129,7 +129,7 @@ class CollisionWorld:
         if situation.p_GHeld is not None:
             p_WPs = _posed(X_WGs, situation.p_GHeld)
             free &= _arm_free(X_WLs, p_WPs, last_link=6)
-            free &= _clear_of_table(p_WPs, X_WGs[:, 2, 3], situation)
+            free &= self._clear_of_table(p_WPs, X_WGs[:, 2, 3], situation)
             free &= self._clear_of_hook(p_WPs, situation)
             free &= self._clear_of_bin(p_WPs)
             if situation.p_WStanding is not None:
@@ -137,6 +137,17 @@ class CollisionWorld:
             if among:
                 free &= _apart(p_WPs, self.p_WObstacles)
         return free
+
+    def _clear_of_table(self, p_WPs: Array, z_WGs: Array, situation: Situation) -> BoolArray:
+        """Return (B,): whether held points (B, N, 3) are above the table, or as deep as allowed.
+
+        `z_WGs` (B,) are the heights of the gripper.
+        """
+        exempt = np.zeros(len(p_WPs), dtype=bool)
+        if AllowedContact.HELD_TABLE in situation.allowed:
+            exempt = z_WGs < situation.table_below_m
+        floors = self.layout.table_z_m + np.where(exempt, -MAX_TABLE_DEPTH_M, POINT_RADIUS_M)
+        return np.asarray(p_WPs[..., 2].min(axis=1) > floors)
 
     def _clear_of_hook(self, p_WPs: Array, situation: Situation) -> BoolArray:
         """Return (B,): whether the held points (B, N, 3) are clear of the hook, or exempt."""
@@ -174,18 +185,6 @@ def densified(qs: Array, step_rad: float) -> Array:
         shares = np.arange(1, count + 1)[:, None] / count
         pieces.append(start + shares * (end - start))
     return np.concatenate(pieces)
-
-
-def _clear_of_table(p_WPs: Array, z_WGs: Array, situation: Situation) -> BoolArray:
-    """Return (B,): whether held points (B, N, 3) are above the table, or as deep as allowed.
-
-    `z_WGs` (B,) are the heights of the gripper.
-    """
-    exempt = np.zeros(len(p_WPs), dtype=bool)
-    if AllowedContact.HELD_TABLE in situation.allowed:
-        exempt = z_WGs < situation.table_below_m
-    floors = np.where(exempt, -MAX_TABLE_DEPTH_M, POINT_RADIUS_M)
-    return np.asarray(p_WPs[..., 2].min(axis=1) > floors)
 
 
 def _apart(p_WPs: Array, p_WStanding: Array) -> BoolArray:

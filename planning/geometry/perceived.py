@@ -34,8 +34,10 @@ class PerceivedObject:
     p_WCom: Array
 
     @classmethod
-    def from_cloud(cls, p_WPs: Array, X_WU: Array | None) -> "PerceivedObject":
+    def from_cloud(cls, p_WPs: Array, X_WU: Array | None, table_z_m: float) -> "PerceivedObject":
         """Return the object seen as a cloud (N, 3), completed around its upright pose if known.
+
+        What lies lower than the table's top at `table_z_m` in W is no part of it.
 
         Raises ValueError where the cloud is empty.
         """
@@ -45,7 +47,7 @@ class PerceivedObject:
         surface = details
         if X_WU is not None:
             unseen = revolved_body(details, X_WU)
-            surface = np.concatenate([details, unseen[unseen[:, 2] > 0.0]])
+            surface = np.concatenate([details, unseen[unseen[:, 2] > table_z_m]])
         obstacles = voxel_centroids(surface, OBSTACLE_VOXEL_M)
         return cls(obstacles, details, surface, surface.mean(axis=0))
 

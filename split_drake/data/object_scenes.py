@@ -83,7 +83,7 @@ class ObjectScenes:
     def draw(self, rng: np.random.Generator) -> ObjectScene:
         """Return one scene."""
         if self._randomization is None:
-            X_WO, table_z_m = self._placements.draw_start(rng), 0.0
+            X_WO, table_z_m = self._placements.draw_start(rng), self._layout.table_z_m
             views = [self._view(X_WO, camera) for camera in self._layout.cameras]
         else:
             X_WO, table_z_m, views = self._draw_varied(self._randomization, rng)
@@ -95,14 +95,14 @@ class ObjectScenes:
         return ObjectScene(X_WO, scene.p_WPs, scene.p_WSs, points, len(views), p_WC, table_z_m)
 
     def _view(self, X_WO: Array, camera: CameraPlacement) -> DepthView:
-        image = self._renderer.trace(X_WO, camera, 0.0, self._p_WFootprint)
+        image = self._renderer.trace(X_WO, camera, self._layout.table_z_m, self._p_WFootprint)
         return DepthView(image.depth_m, image.intrinsics, camera.X_WC)
 
     def _draw_varied(
         self, random: DomainRandomization, rng: np.random.Generator
     ) -> tuple[Array, float, list[DepthView]]:
         """Return X_WO, the table's height, and views with missing pixels from about C."""
-        table_z_m = random.draw_table_z_m(rng)
+        table_z_m = random.draw_table_z_m(self._layout.table_z_m, rng)
         cameras = random.draw_cameras(self._layout.cameras, rng)
         X_WO = self._pose(random, table_z_m, cameras, rng)
         views = []

@@ -59,7 +59,7 @@ class TrueGrasps:
 
     def in_scene(self, scene: ObjectScene) -> Array:
         """Return those (M, 4, 4), as X_WG, that are feasible and visible in a scene."""
-        possible = feasible(scene.X_WO, self._X_OGs, self._openings_m)
+        possible = feasible(scene.X_WO, self._X_OGs, self._openings_m, scene.table_z_m)
         possible &= self._visibility.visible(scene.X_WO, scene.p_WPs)
         return scene.X_WO @ self._X_OGs[possible]
 

@@ -235,16 +235,20 @@ def hand_corners(X_OGs: Array, openings_m: Array) -> Array:
     return transform_points(X_OGs, p_GCorners)
 
 
-def reachable(X_WO: Array, X_OGs: Array, p_OCorners: Array) -> NDArray[np.bool_]:
-    """Return (N,): whether hands with these corners (N, K, 3) clear the table z = 0 of W.
+def reachable(X_WO: Array, X_OGs: Array, p_OCorners: Array, table_z_m: float) -> NDArray[np.bool_]:
+    """Return (N,): whether hands with these corners (N, K, 3) clear the table.
 
-    The approach must be within 90 degrees of straight down (paper section V).
+    The table's top is at `table_z_m` in W.  The approach must be within 90 degrees of straight down
+    (paper section V).
     """
     z_WO = X_WO[2, :3]
-    lowest_m = (p_OCorners @ z_WO).min(axis=1) + X_WO[2, 3]
+    lowest_m = (p_OCorners @ z_WO).min(axis=1) + (X_WO[2, 3] - table_z_m)
     return (lowest_m > TABLE_CLEARANCE_M) & (X_OGs[:, :3, 2] @ z_WO < 0.0)
 
 
-def feasible(X_WO: Array, X_OGs: Array, openings_m: Array) -> NDArray[np.bool_]:
-    """Return (N,): whether the hand clears the table and comes from above, the object at X_WO."""
-    return reachable(X_WO, X_OGs, hand_corners(X_OGs, openings_m))
+def feasible(X_WO: Array, X_OGs: Array, openings_m: Array, table_z_m: float) -> NDArray[np.bool_]:
+    """Return (N,): whether the hand clears the table and comes from above, the object at X_WO.
+
+    The table's top is at `table_z_m` in W.
+    """
+    return reachable(X_WO, X_OGs, hand_corners(X_OGs, openings_m), table_z_m)

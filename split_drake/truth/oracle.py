@@ -57,17 +57,22 @@ class OracleDetector:
         """
         X_WO = self._truth.X_WO(self._index)
         known = find_tasks(tasks, self.tasks, self._subject.name)
-        return {task.name: self._pose_set(task, X_WO, rng) for task in known}
+        return {
+            task.name: self._pose_set(task, X_WO, scene.workspace.p_WCenter[2], rng)
+            for task in known
+        }
 
-    def _pose_set(self, task: PoseTask, X_WO: Array, rng: np.random.Generator) -> PoseSet:
+    def _pose_set(
+        self, task: PoseTask, X_WO: Array, table_z_m: float, rng: np.random.Generator
+    ) -> PoseSet:
         if task == GRASP:
-            return self._grasps(X_WO, rng)
+            return self._grasps(X_WO, table_z_m, rng)
         X_WPs = self._subject.true_poses(task, X_WO)
         return PoseSet(task, X_WPs, np.ones(len(X_WPs)))
 
-    def _grasps(self, X_WO: Array, rng: np.random.Generator) -> PoseSet:
+    def _grasps(self, X_WO: Array, table_z_m: float, rng: np.random.Generator) -> PoseSet:
         labels = self._labels
-        kept = np.flatnonzero(feasible(X_WO, labels.X_OGs, labels.openings_m))
+        kept = np.flatnonzero(feasible(X_WO, labels.X_OGs, labels.openings_m, table_z_m))
         if len(kept) > self._max_grasps:
             kept = rng.choice(kept, self._max_grasps, replace=False)
         return PoseSet.ranked(GRASP, X_WO @ labels.X_OGs[kept], labels.qualities[kept])

@@ -43,9 +43,16 @@ class SceneGrasps:
 
 
 def label_scene(
-    objects: Sequence[ClutterObject], X_WOs: Array, p_WPs: Array, rng: np.random.Generator
+    objects: Sequence[ClutterObject],
+    X_WOs: Array,
+    p_WPs: Array,
+    table_z_m: float,
+    rng: np.random.Generator,
 ) -> SceneGrasps:
-    """Return the grasps of objects at X_WOs (K, 4, 4), of which a cloud (N, 3) is seen."""
+    """Return the grasps of objects at X_WOs (K, 4, 4), of which a cloud (N, 3) is seen.
+
+    The table's top is at `table_z_m` in W.
+    """
     surfaces = [
         transform_points(X_WO, each.p_OSurface) for each, X_WO in zip(objects, X_WOs, strict=True)
     ]
@@ -53,7 +60,7 @@ def label_scene(
     true, weights, blocked, other = [], [], [], []
     for number, (each, X_WO) in enumerate(zip(objects, X_WOs, strict=True)):
         X_WGs = X_WO @ each.grasps.X_OGs
-        low = ~clears_table(X_WGs)
+        low = ~clears_table(X_WGs, table_z_m)
         chosen = np.r_[
             rng.permutation(np.flatnonzero(~low))[:PER_OBJECT],
             rng.permutation(np.flatnonzero(low))[:TABLE_KEPT],
@@ -82,11 +89,13 @@ def label_scene(
     return SceneGrasps(X_WGs[kept], of[kept], false)
 
 
-def clears_table(X_WGs: Array) -> NDArray[np.bool_]:
-    """Return (N,): whether wide-open hands (N, 4, 4) clear the table and come from above."""
-    return np.asarray(
-        (lowest_heights(X_WGs) > TABLE_CLEARANCE_M) & (X_WGs[:, 2, 2] < -LEAST_DESCENT)
-    )
+def clears_table(X_WGs: Array, table_z_m: float) -> NDArray[np.bool_]:
+    """Return (N,): whether wide-open hands (N, 4, 4) clear the table and come from above.
+
+    The table's top is at `table_z_m` in W.
+    """
+    clear = lowest_heights(X_WGs) - table_z_m > TABLE_CLEARANCE_M
+    return np.asarray(clear & (X_WGs[:, 2, 2] < -LEAST_DESCENT))
 
 
 def visible(X_WGs: Array, p_WPs: Array, tree: cKDTree) -> NDArray[np.bool_]:
