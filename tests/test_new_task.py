@@ -202,7 +202,7 @@ def problem() -> PlanningProblem:
     subject = TESTED.make(0, seed=0)
     drawn = subject.draw(np.random.default_rng(5))
     labels = sample_grasps(subject.shape.body, np.random.default_rng(0), positives=400)
-    good = feasible(drawn.X_WO, labels.X_OGs, labels.openings_m)
+    good = feasible(drawn.X_WO, labels.X_OGs, labels.openings_m, drawn.table_z_m)
     grasps = PoseSet.ranked(GRASP, drawn.X_WO @ labels.X_OGs[good], labels.qualities[good])
     rims = PoseSet(RIM, subject.shape.true_poses(RIM, drawn.X_WO), np.ones(1))
     return PlanningProblem(SERVE, {"grasp": grasps, "rim": rims}, drawn.p_WPs, Q_HOME, Layout())

@@ -34,12 +34,11 @@ class PerceivedObject:
     p_WCom: Array
 
     @classmethod
-    def from_cloud(
-        cls, p_WPs: Array, X_WU: Array | None, table_z_m: float = 0.0
-    ) -> "PerceivedObject":
+    def from_cloud(cls, p_WPs: Array, X_WU: Array | None, table_z_m: float) -> "PerceivedObject":
         """Return the object seen as a cloud (N, 3), completed around its upright pose if known.
 
-        It is completed above the table, whose height in W is `table_z_m`.
+        What lies lower than the table's top at `table_z_m` in W is no part of it.
+
         Raises ValueError where the cloud is empty.
         """
         if not len(p_WPs):

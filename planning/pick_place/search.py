@@ -70,7 +70,8 @@ class PickPlacePlanner:
     def _plan_near(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
         grasps = problem.pose_sets[GRASP.name]
         X_WU = best_upright(problem.pose_sets)
-        target = PerceivedObject.from_cloud(problem.p_WPs, X_WU, problem.layout.table_z_m)
+        table_z_m = problem.layout.table_z_m
+        target = PerceivedObject.from_cloud(problem.p_WPs, X_WU, table_z_m)
         if problem.held_width_m is not None:
             off_palm = clear_of_palm(gripper_pose(problem.q_start), target.p_WObstacles)
             target = replace(target, p_WObstacles=target.p_WObstacles[off_palm])
@@ -84,7 +85,7 @@ class PickPlacePlanner:
         )
         if not goals:
             return PlanFailure(Stage.PERCEPTION, f"no goal for {problem.subgoal} was detected")
-        obstacles = filled_down(problem.p_WObstacles, problem.layout.table_z_m)
+        obstacles = filled_down(problem.p_WObstacles, table_z_m)
         world = self._world_of(problem.layout).among(obstacles)
         search = _Search(world, self._ik, self._free_motion, problem, target, goals, rng)
         if problem.held_width_m is not None:

@@ -55,6 +55,7 @@ class PlanMeter:
     def __init__(self, layout: Layout) -> None:
         self._checker = static_checker(layout, hook_margin_m=0.0, table_margin_m=0.0)
         self._hook = hook_capsules(layout)
+        self._table_z_m = layout.table_z_m
 
     def measure(self, plan: Plan, p_WPs: Array) -> PlanMeasures:
         """Return the figures of a plan for an object with surface points (N, 3) before the pick."""
@@ -101,7 +102,7 @@ class PlanMeter:
     def _held_clearance(self, p_WPs: Array) -> float:
         """Return the distance of held points (N, 3) to table and hook."""
         gaps = [distance_to_segments(p_WPs, *c.p_FEnds).min() - c.radius_m for c in self._hook]
-        return float(min(*gaps, p_WPs[:, 2].min()))
+        return float(min(*gaps, p_WPs[:, 2].min() - self._table_z_m))
 
 
 def rms_jerk(trajectories: list[JointTrajectory]) -> float:

@@ -26,8 +26,8 @@ from split_drake.station.station import Station
 from split_drake.truth.binning import sort_out
 from split_drake.truth.state import Truth
 
-# The hook stands on the other side of the table than the camera.
-_X_WHOOK = make_pose(rotation_z(np.pi) @ rotation_x(np.radians(10.0)), (0.5, 0.38, 0.40))
+# The hook stands on the other side of the table than the camera, so high above its top.
+_R_WK, _P_WK, _HOOK_HEIGHT_M = rotation_z(np.pi) @ rotation_x(np.radians(10.0)), (0.5, 0.38), 0.40
 
 
 class LostArmError(RuntimeError):
@@ -37,7 +37,9 @@ class LostArmError(RuntimeError):
 def arm_layout(layout: Layout) -> Layout:
     """Return a layout with a bin beside the table, and one camera, that of clutter removal."""
     camera = side_camera(layout.workspace)
-    return replace(layout, cameras=(camera,), X_WK=_X_WHOOK, bin=OpenBin())
+    X_WK = make_pose(_R_WK, (*_P_WK, layout.table_z_m + _HOOK_HEIGHT_M))
+    bin_there = OpenBin.level_with(layout.table_z_m)
+    return replace(layout, cameras=(camera,), X_WK=X_WK, bin=bin_there)
 
 
 class ArmClearing:

@@ -65,7 +65,7 @@ class PictureOptions:
 def true_poses(mug: MugShape, X_WO: Array, seed: int) -> Iterator[tuple[PoseTask, Array]]:
     """Yield each task of mugs with true poses (N, 4, 4) of a mug at X_WO (4, 4)."""
     labels = sample_grasps(mug.body, np.random.default_rng(seed), positives=60)
-    possible = feasible(X_WO, labels.X_OGs, labels.openings_m)
+    possible = feasible(X_WO, labels.X_OGs, labels.openings_m, table_z_m=0.0)
     X_WGs = X_WO @ labels.X_OGs[possible]
     steepest = np.argsort(X_WGs[:, 2, 2], kind="stable")
     yield GRASP, X_WGs[steepest[:: max(1, len(steepest) // 6)][:_SHOWN_GRASPS]]

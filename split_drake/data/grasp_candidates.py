@@ -15,7 +15,7 @@ from split_drake.grasps.store import CheckedGrasps
 from split_drake.grasps.visibility import GraspVisibility
 from split_drake.objects.rigid import RigidObject
 from split_drake.objects.task_object import TaskObject
-from split_drake.poses import Array, make_pose
+from split_drake.poses import Array
 
 FALSE_GRASPS = 200
 # As many as are tried in physics of a mug, mirror images included.
@@ -100,10 +100,9 @@ class GraspCandidates:
 
         True are those that hold in physics, clear the table, come from above, and are visible.
         """
-        X_TableO = make_pose(p=(0.0, 0.0, -scene.table_z_m)) @ scene.X_WO
         true = (
             (self.weights > 0.0)
-            & reachable(X_TableO, self.X_OGs, self._p_OCorners)
+            & reachable(scene.X_WO, self.X_OGs, self._p_OCorners, scene.table_z_m)
             & self._visibility.visible(scene.X_WO, scene.p_WPs)
         )
         return np.where(true, np.uint8(PoseState.TRUE), np.uint8(PoseState.FALSE))

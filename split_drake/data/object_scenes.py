@@ -102,7 +102,7 @@ class ObjectScenes:
         self, random: DomainRandomization, rng: np.random.Generator
     ) -> tuple[Array, float, list[DepthView]]:
         """Return X_WO, the table's height, and views with missing pixels from about C."""
-        table_z_m = self._layout.table_z_m + random.draw_table_z_m(rng)
+        table_z_m = random.draw_table_z_m(self._layout.table_z_m, rng)
         cameras = random.draw_cameras(self._layout.cameras, rng)
         X_WO = self._pose(random, table_z_m, cameras, rng)
         views = []

@@ -83,9 +83,9 @@ class DomainRandomization:
         """Return what a camera's pose X_WC (4, 4) is taken for."""
         return X_WC @ _displacement(self.calibration_turn_rad, self.calibration_shift_m, rng)
 
-    def draw_table_z_m(self, rng: np.random.Generator) -> float:
-        """Return how much higher the table is than it is taken for."""
-        return float(rng.normal(0.0, self.table_height_m))
+    def draw_table_z_m(self, assumed_z_m: float, rng: np.random.Generator) -> float:
+        """Return the height of the table in W where it is assumed at `assumed_z_m`."""
+        return assumed_z_m + float(rng.normal(0.0, self.table_height_m))
 
     def missing(self, image: RayImage, rng: np.random.Generator) -> NDArray[np.bool_]:
         """Return (H, W): which pixels of a view the camera has no depth for."""

@@ -70,11 +70,14 @@ def judge_poses(X_WPs: Array, X_WTruths: Array, symmetry: Symmetry) -> Judgement
     return Judgement(good.any(axis=1), nearest, *errors)
 
 
-def judge_grasps(X_WGs: Array, judge: GraspJudge, X_WO: Array) -> GraspJudgement:
-    """Check grasps (N, 4, 4) of the object of `judge`, at X_WO, geometrically."""
+def judge_grasps(X_WGs: Array, judge: GraspJudge, X_WO: Array, table_z_m: float) -> GraspJudgement:
+    """Check grasps (N, 4, 4) of the object of `judge`, at X_WO, geometrically.
+
+    The table's top is at `table_z_m` in W.
+    """
     X_OGs = invert_pose(X_WO) @ X_WGs
     check = judge.check(X_OGs)
-    clears = feasible(X_WO, X_OGs, check.openings_m)
+    clears = feasible(X_WO, X_OGs, check.openings_m, table_z_m)
     return GraspJudgement(check.good & clears, ~check.collides & clears, check.openings_m)
 
 

@@ -170,7 +170,7 @@ def record_grasps(question: Question) -> TaskRecord:
     """Judge grasps of an object by geometry, and some in physics where the question says so."""
     ranking, subject, scene = question.ranking, question.subject, question.scene
     X_WGs, accepted = question.X_WPs, ranking.accepted
-    judgement = judge_grasps(X_WGs, subject.judge, scene.X_WO)
+    judgement = judge_grasps(X_WGs, subject.judge, scene.X_WO, scene.table_z_m)
     record = ranking.record(judgement.good, checks={}, values={})
     checks = {**record.checks, "enough_accepted": int(accepted.sum()) >= WANTED_GRASPS}
     tallies = dict(record.tallies)

@@ -235,22 +235,20 @@ def hand_corners(X_OGs: Array, openings_m: Array) -> Array:
     return transform_points(X_OGs, p_GCorners)
 
 
-def reachable(X_TO: Array, X_OGs: Array, p_OCorners: Array) -> NDArray[np.bool_]:
-    """Return (N,): whether hands with these corners (N, K, 3) clear the table z = 0 of T.
+def reachable(X_WO: Array, X_OGs: Array, p_OCorners: Array, table_z_m: float) -> NDArray[np.bool_]:
+    """Return (N,): whether hands with these corners (N, K, 3) clear the table.
 
-    The approach must be within 90 degrees of straight down (paper section V).
+    The table's top is at `table_z_m` in W.  The approach must be within 90 degrees of straight down
+    (paper section V).
     """
-    z_TO = X_TO[2, :3]
-    lowest_m = (p_OCorners @ z_TO).min(axis=1) + X_TO[2, 3]
-    return (lowest_m > TABLE_CLEARANCE_M) & (X_OGs[:, :3, 2] @ z_TO < 0.0)
+    z_WO = X_WO[2, :3]
+    lowest_m = (p_OCorners @ z_WO).min(axis=1) + (X_WO[2, 3] - table_z_m)
+    return (lowest_m > TABLE_CLEARANCE_M) & (X_OGs[:, :3, 2] @ z_WO < 0.0)
 
 
-def feasible(
-    X_WO: Array, X_OGs: Array, openings_m: Array, table_z_m: float = 0.0
-) -> NDArray[np.bool_]:
+def feasible(X_WO: Array, X_OGs: Array, openings_m: Array, table_z_m: float) -> NDArray[np.bool_]:
     """Return (N,): whether the hand clears the table and comes from above, the object at X_WO.
 
-    `table_z_m` is the height of the table in W.
+    The table's top is at `table_z_m` in W.
     """
-    X_TO = make_pose(p=(0.0, 0.0, -table_z_m)) @ X_WO
-    return reachable(X_TO, X_OGs, hand_corners(X_OGs, openings_m))
+    return reachable(X_WO, X_OGs, hand_corners(X_OGs, openings_m), table_z_m)

@@ -27,13 +27,12 @@ from pydrake.multibody.tree import RigidBody, RotationalInertia, SpatialInertia
 
 from split_drake.objects.rigid import Primitive, RigidObject
 from split_drake.poses import Array, invert_pose, make_pose, rotation_x
-from split_drake.station.layout import Layout
+from split_drake.station.layout import FLOOR_DEPTH_M, Layout
 
 TABLE_BODY = "table"
 HOOK_BODY = "hook"
 BIN_BODY = "bin"
 
-FLOOR_DEPTH_M = 0.75
 LEG_EDGE_M = 0.05
 
 _STAND_RGBA = (0.30, 0.32, 0.35, 1.0)
@@ -59,8 +58,8 @@ def drake_shape(primitive: Primitive) -> Shape:
 
 def table_primitive(layout: Layout) -> Primitive:
     """Return the table's top in W."""
-    middle_z_m = layout.table_z_m - layout.table_size_m[2] / 2.0
-    return Primitive("box", layout.table_size_m, make_pose(p=(*layout.p_WTable, middle_z_m)))
+    z_m = layout.table_z_m - layout.table_size_m[2] / 2.0
+    return Primitive("box", layout.table_size_m, make_pose(p=(*layout.p_WTable, z_m)))
 
 
 def hook_primitives(layout: Layout) -> tuple[Primitive, Primitive]:
@@ -73,8 +72,8 @@ def hook_primitives(layout: Layout) -> tuple[Primitive, Primitive]:
         (hook.peg_radius_m, peg_length),
         make_pose(rotation_x(-np.pi / 2.0), peg_center),
     )
-    x, y, z = (layout.X_WK @ (0.0, -hook.post_distance_m, 0.0, 1.0))[:3]
-    post_height = z + hook.post_above_m - layout.table_z_m
+    x, y = (layout.X_WK @ (0.0, -hook.post_distance_m, 0.0, 1.0))[:2]
+    post_height = layout.post_height_m
     X_WPost = make_pose(p=(x, y, layout.table_z_m + post_height / 2.0))
     X_KPost = invert_pose(layout.X_WK) @ X_WPost
     return peg, Primitive("cylinder", (hook.post_radius_m, post_height), X_KPost)
@@ -124,7 +123,7 @@ def add_scenery(plant: MultibodyPlant, layout: Layout) -> None:
     size_x, size_y, thickness = layout.table_size_m
     leg_height = FLOOR_DEPTH_M + layout.table_z_m - thickness
     inset = LEG_EDGE_M / 2.0 + 0.02
-    z_leg = leg_height / 2.0 - FLOOR_DEPTH_M
+    z_leg = layout.table_z_m - thickness - leg_height / 2.0
     pieces = {
         "stand": (Box(0.26, 0.26, FLOOR_DEPTH_M), (-0.02, 0.0, -FLOOR_DEPTH_M / 2.0), _STAND_RGBA),
     }
@@ -159,13 +158,17 @@ def _add_fixed(
 
 
 def add_objects(
-    plant: MultibodyPlant, objects: Sequence[RigidObject], visible: bool = True
+    plant: MultibodyPlant,
+    objects: Sequence[RigidObject],
+    visible: bool = True,
+    table_z_m: float = 0.0,
 ) -> tuple[RigidBody, ...]:
     """Add free bodies, named as the objects, and return them in the same order.
 
     Where nobody looks, `visible` may be False: meshes that are only seen take time to prepare.
 
-    By default they rest beside each other, 0.15 m apart along y, from (0.5, 0) on.
+    By default they rest beside each other at the height of a table, 0.15 m apart along y, from
+    (0.5, 0) on.
 
     Raises ValueError where a body has an object's name already.
     """
@@ -173,7 +176,7 @@ def add_objects(
     for index, item in enumerate(objects):
         rgba = _OBJECT_RGBA[index % len(_OBJECT_RGBA)] if visible else None
         body = _add_object(plant, item, rgba)
-        p_WO = (0.5, 0.15 * index, -float(item.mesh.bounds[0][2]))
+        p_WO = (0.5, 0.15 * index, table_z_m - float(item.mesh.bounds[0][2]))
         plant.SetDefaultFloatingBaseBodyPose(body, RigidTransform(p_WO))
         bodies.append(body)
     return tuple(bodies)

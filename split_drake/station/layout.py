@@ -1,17 +1,18 @@
 """Where cameras, table and hook stand, as plain numbers."""
 
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 
-from split_drake.bad_input import require_number, require_numbers
+from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.camera import Intrinsics, look_at
 from split_drake.poses import Array, make_pose, rotation_x
 from split_drake.robot.posture import HIGHEST_Q, LOWEST_Q, Q_HOME
 from split_drake.scene import Workspace
 
-# The floor is 0.75 m below the robot's base.
-_TABLE_RANGE_M = (-0.6, 0.8)
+# The robot's base stands so high above the floor.
+FLOOR_DEPTH_M = 0.75
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,12 @@ class OpenBin:
                 "expected positive lengths"
             )
 
+    @classmethod
+    def level_with(cls, table_z_m: float) -> Self:
+        """Return the default bin, its rim as high as a table's top."""
+        x, y, _ = cls.p_WRim
+        return cls(p_WRim=(x, y, table_z_m))
+
     def contains(self, p_WP: Array) -> bool:
         """Return whether a point (3,) is in the bin, below its rim."""
         p_RimP = np.asarray(p_WP) - self.p_WRim
@@ -107,17 +114,15 @@ class Layout:
     """The station's fixed parts.
 
     Attributes:
-        workspace: where objects are perceived.
+        workspace: where objects are perceived; its centre is as high as the table's top.
         cameras: depth cameras; the paper's two views of the workspace where none are given.
         X_WK: (4, 4) pose of the hook.
         hook: its shape.
         bin: what things are dropped into; None for none.
-        table_size_m: edges of the table's box; its top is where the workspace's centre is.
+        table_size_m: edges of the table's box, whose top is at `table_z_m`.
         p_WTable: (x, y) of the table's centre.
-        q_home: (7,) joint angles at which the arm rests, out of the cameras' sight, rad.
 
-    Raises BadInputError where a joint of `q_home` is out of its range, or the table is higher or
-    lower than any that the robot works at.
+    Raises BadInputError where the table's top is on the floor, or the hook's post has no height.
     """
 
     workspace: Workspace = field(default_factory=Workspace)
@@ -144,6 +149,27 @@ class Layout:
             require_number(f"joint {number + 1} of q_home", float(q), least, most, "rad")
         if not self.cameras:
             object.__setattr__(self, "cameras", two_views(self.workspace))
+        if not self.table_z_m - self.table_size_m[2] > -FLOOR_DEPTH_M:
+            raise BadInputError(
+                f"the table's top is at z = {self.table_z_m} m and {self.table_size_m[2]} m thick; "
+                f"expected a table above the floor, which is at z = {-FLOOR_DEPTH_M} m"
+            )
+        if not self.post_height_m > 0.0:
+            raise BadInputError(
+                f"the hook's post ends {-self.post_height_m:.3f} m below the table's top, which is "
+                f"at z = {self.table_z_m} m; expected a hook above the table"
+            )
+
+    @property
+    def table_z_m(self) -> float:
+        """The height in W of the table's top, on which objects stand."""
+        return float(self.workspace.p_WCenter[2])
+
+    @property
+    def post_height_m(self) -> float:
+        """How far the hook's post rises above the table's top."""
+        root_z_m = (self.X_WK @ (0.0, -self.hook.post_distance_m, 0.0, 1.0))[2]
+        return float(root_z_m + self.hook.post_above_m - self.table_z_m)
 
     @property
     def table_z_m(self) -> float:
@@ -161,4 +187,5 @@ def same_fixtures(one: Layout, other: Layout) -> bool:
         and one.table_z_m == other.table_z_m
         and one.table_size_m == other.table_size_m
         and one.p_WTable == other.p_WTable
+        and one.table_z_m == other.table_z_m
     )

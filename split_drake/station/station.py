@@ -81,7 +81,7 @@ class Station:
         add_hook(self.plant, layout)
         add_bin(self.plant, layout)
         added = tuple(map(with_resting_points, self.objects)) if bearing else self.objects
-        self._bodies = add_objects(self.plant, added)
+        self._bodies = add_objects(self.plant, added, table_z_m=layout.table_z_m)
         self._loose = LooseObjects(self.plant, self._bodies)
         set_contact_material(self.plant, self._scene_graph, self.config)
         self.plant.Finalize()

@@ -57,8 +57,10 @@ class OracleDetector:
         """
         X_WO = self._truth.X_WO(self._index)
         known = find_tasks(tasks, self.tasks, self._subject.name)
-        table_z_m = scene.workspace.p_WCenter[2]
-        return {task.name: self._pose_set(task, X_WO, table_z_m, rng) for task in known}
+        return {
+            task.name: self._pose_set(task, X_WO, scene.workspace.p_WCenter[2], rng)
+            for task in known
+        }
 
     def _pose_set(
         self, task: PoseTask, X_WO: Array, table_z_m: float, rng: np.random.Generator

@@ -75,7 +75,7 @@ def judge_scene(
     scene = mug.draw(rng)
     seen = Scene(scene.p_WPs, scene.p_WSs, workspace)
     X_WGs = detector.sample(with_training_noise(seen, rng), (GRASP,), rng)[GRASP.name].X_WPs
-    judgement = judge_grasps(X_WGs, mug.judge, scene.X_WO)
+    judgement = judge_grasps(X_WGs, mug.judge, scene.X_WO, scene.table_z_m)
     trials = GraspTrials(mug.hand, scene.X_WO, X_WGs, judgement)
     held = np.array([not trials.fault(number) for number in range(len(X_WGs))])
     return judged_scene(seen, X_WGs, held)

@@ -22,6 +22,7 @@ from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP, HANDLE, PoseTask
 from split_drake.poses import Array, make_pose, transform_points
 from split_drake.robot.kinematics import gripper_pose
+from split_drake.scene import Workspace
 from split_drake.station.layout import HookShape, Layout, same_fixtures
 from tests.helpers.planning import LYING, RADIUS_M, STANDING, WALL_M, mug_cloud, mug_problem
 
@@ -181,7 +182,8 @@ def test_the_world_is_kept_while_the_fixtures_are_the_same() -> None:
     assert same_fixtures(Layout(), Layout())
     raised = Layout(X_WK=Layout().X_WK @ make_pose(p=(0.0, 0.0, 0.01)))
     thick = Layout(hook=HookShape(peg_radius_m=0.008))
-    for other in (raised, thick, Layout(p_WTable=(0.5, 0.0))):
+    high = Layout(workspace=Workspace(p_WCenter=(0.5, 0.0, 0.1)))
+    for other in (raised, thick, Layout(p_WTable=(0.5, 0.0)), high):
         assert not same_fixtures(Layout(), other)
 
 
@@ -206,4 +208,4 @@ def test_a_half_seen_body_is_completed_without_the_handle() -> None:
 
 def test_an_empty_cloud_is_an_error() -> None:
     with pytest.raises(ValueError, match="empty"):
-        PerceivedObject.from_cloud(np.empty((0, 3)), None)
+        PerceivedObject.from_cloud(np.empty((0, 3)), None, 0.0)

@@ -46,7 +46,7 @@ def problem(mug: str, subgoal: Subgoal) -> PlanningProblem:
     renderer = DepthRenderer(shape.body.mesh)
     views = [renderer.render(X_WO, camera) for camera in LAYOUT.cameras]
     labels = sample_grasps(shape.body, np.random.default_rng(0))
-    kept = feasible(X_WO, labels.X_OGs, labels.openings_m)
+    kept = feasible(X_WO, labels.X_OGs, labels.openings_m, 0.0)
     handles = shape.true_poses(HANDLE, X_WO)
     pose_sets = {
         "grasp": PoseSet.ranked(GRASP, X_WO @ labels.X_OGs[kept], labels.qualities[kept]),

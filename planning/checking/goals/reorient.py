@@ -16,8 +16,8 @@ def off_table(plan: Plan, problem: PlanningProblem) -> str:
     """Return how an object ends that does not stand, or an empty string."""
     tilt_rad = float(np.arccos(np.clip(plan.X_WGoal[2, 2], -1.0, 1.0)))
     p_OPs = transform_points(invert_pose(plan.X_WObject), problem.p_WPs)
-    lowest_m = float(transform_points(plan.X_WGoal, p_OPs)[:, 2].min())
-    lowest_m -= problem.layout.table_z_m
+    lowest_z_m = float(transform_points(plan.X_WGoal, p_OPs)[:, 2].min())
+    lowest_m = lowest_z_m - problem.layout.table_z_m
     if tilt_rad <= ON_TABLE_RAD and LOWEST_M[0] <= lowest_m <= LOWEST_M[1]:
         return ""
     return f"{1e3 * lowest_m:.0f} mm above the table, tilted by {np.degrees(tilt_rad):.0f} deg"

@@ -30,7 +30,7 @@ class TrueGrasps:
         there = self._clearing.left
         objects = [self._object(index) for index in there]
         X_WOs = np.array([self._clearing.truth.X_WO(index) for index in there]).reshape(-1, 4, 4)
-        grasps = label_scene(objects, X_WOs, scene.p_WPs, rng, scene.workspace.p_WCenter[2])
+        grasps = label_scene(objects, X_WOs, scene.p_WPs, scene.workspace.p_WCenter[2], rng)
         return ranked(grasps.X_WGs, grasps.weights)
 
     def _object(self, index: int) -> ClutterObject:

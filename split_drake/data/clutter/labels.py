@@ -46,12 +46,12 @@ def label_scene(
     objects: Sequence[ClutterObject],
     X_WOs: Array,
     p_WPs: Array,
+    table_z_m: float,
     rng: np.random.Generator,
-    table_z_m: float = 0.0,
 ) -> SceneGrasps:
     """Return the grasps of objects at X_WOs (K, 4, 4), of which a cloud (N, 3) is seen.
 
-    `table_z_m` is the height of the table in W.
+    The table's top is at `table_z_m` in W.
     """
     surfaces = [
         transform_points(X_WO, each.p_OSurface) for each, X_WO in zip(objects, X_WOs, strict=True)
@@ -89,13 +89,13 @@ def label_scene(
     return SceneGrasps(X_WGs[kept], of[kept], false)
 
 
-def clears_table(X_WGs: Array, table_z_m: float = 0.0) -> NDArray[np.bool_]:
+def clears_table(X_WGs: Array, table_z_m: float) -> NDArray[np.bool_]:
     """Return (N,): whether wide-open hands (N, 4, 4) clear the table and come from above.
 
-    `table_z_m` is the height of the table in W.
+    The table's top is at `table_z_m` in W.
     """
-    heights_m = lowest_heights(X_WGs) - table_z_m
-    return np.asarray((heights_m > TABLE_CLEARANCE_M) & (X_WGs[:, 2, 2] < -LEAST_DESCENT))
+    clear = lowest_heights(X_WGs) - table_z_m > TABLE_CLEARANCE_M
+    return np.asarray(clear & (X_WGs[:, 2, 2] < -LEAST_DESCENT))
 
 
 def visible(X_WGs: Array, p_WPs: Array, tree: cKDTree) -> NDArray[np.bool_]:

@@ -44,7 +44,7 @@ class PileSimulator:
             replace(each.body, name=f"{each.body.name}#{number}")
             for number, each in enumerate(objects)
         ]
-        self._bodies = add_objects(self._plant, named, visible=False)
+        self._bodies = add_objects(self._plant, named, False, config.layout.table_z_m)
         set_contact_material(self._plant, scene_graph, config)
         self._plant.Finalize()
         self._simulator = Simulator(builder.Build())

@@ -188,9 +188,8 @@ class ClutterScenes:
             return None
         if len(scene.p_WPs) < LEAST_POINTS:
             return None
-        grasps = label_scene(
-            there, arrangement.X_WOs, scene.p_WPs, self._rng, self._recipe.layout.table_z_m
-        )
+        table_z_m = self._recipe.layout.table_z_m
+        grasps = label_scene(there, arrangement.X_WOs, scene.p_WPs, table_z_m, self._rng)
         grasps = _inside(grasps, scene)
         if len(grasps.X_WGs) < LEAST_TRUE or len(grasps.X_WFs) < LEAST_FALSE:
             return None

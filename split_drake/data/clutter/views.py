@@ -77,7 +77,7 @@ def see(
     renderer = DepthRenderer(merged_mesh(objects, X_WOs))
     half = workspace.edge_m / 2.0
     corners = np.array([(x, y, 0.0) for x in (-half, half) for y in (-half, half)])
-    table_z_m = workspace.p_WCenter[2] + config.missing.draw_table_z_m(rng)
+    table_z_m = config.missing.draw_table_z_m(workspace.p_WCenter[2], rng)
     image = renderer.trace(np.eye(4), camera, table_z_m, corners + workspace.p_WCenter)
     lost = config.missing.missing(image, rng)
     depth_m = np.where(lost, np.float32(0.0), image.depth_m)

@@ -77,7 +77,7 @@ class HandStation:
         table = add_table(self.plant, layout)
         self._fence = add_fence(self.plant, layout.workspace)
         bearing = [with_resting_points(item) for item in self.objects]
-        self._bodies = add_objects(self.plant, bearing)
+        self._bodies = add_objects(self.plant, bearing, table_z_m=layout.table_z_m)
         self._loose = LooseObjects(self.plant, self._bodies)
         set_contact_material(self.plant, self._scene_graph, self.config)
         self.plant.Finalize()

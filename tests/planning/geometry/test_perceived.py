@@ -61,7 +61,7 @@ def test_where_only_the_handles_side_is_seen_nothing_is_completed() -> None:
     p_UPs = mug_cloud()
     front = p_UPs[(p_UPs[:, 0] > 0.01) & (np.abs(p_UPs[:, 1]) < 0.9 * p_UPs[:, 0])]
     assert revolved_body(front, np.eye(4)).shape == (0, 3)
-    target = PerceivedObject.from_cloud(front, np.eye(4))
+    target = PerceivedObject.from_cloud(front, np.eye(4), 0.0)
     np.testing.assert_array_equal(target.p_WSurface, target.p_WDetails)
 
 
@@ -70,7 +70,7 @@ def test_what_is_completed_comes_after_what_was_seen_and_above_the_table(X_WO: A
     p_WPs = transform_points(X_WO, mug_cloud()[mug_cloud()[:, 1] > 0.0])
     # A pose detected 5 mm too low completes the body into the table.
     low = make_pose(p=(0.0, 0.0, -0.005)) @ X_WO
-    target = PerceivedObject.from_cloud(p_WPs, low)
+    target = PerceivedObject.from_cloud(p_WPs, low, 0.0)
     seen = len(target.p_WDetails)
     np.testing.assert_array_equal(target.p_WSurface[:seen], voxel_centroids(p_WPs, DETAIL_VOXEL_M))
     assert len(target.p_WSurface) > seen and target.p_WSurface[seen:, 2].min() > 0.0
@@ -79,6 +79,6 @@ def test_what_is_completed_comes_after_what_was_seen_and_above_the_table(X_WO: A
 
 def test_without_an_upright_pose_the_object_is_what_was_seen() -> None:
     p_WPs = transform_points(STANDING, mug_cloud())
-    target = PerceivedObject.from_cloud(p_WPs, None)
+    target = PerceivedObject.from_cloud(p_WPs, None, 0.0)
     np.testing.assert_array_equal(target.p_WSurface, target.p_WDetails)
     assert len(target.p_WObstacles) < len(target.p_WDetails) < len(p_WPs)

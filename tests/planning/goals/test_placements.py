@@ -59,7 +59,7 @@ def test_an_axis_is_moved_within_the_openings_plane_and_not_far() -> None:
 
 def test_an_object_that_reaches_below_its_detected_base_is_placed_higher() -> None:
     problem = mug_problem(REORIENT, STANDING)
-    target = PerceivedObject.from_cloud(problem.p_WPs, STANDING)
+    target = PerceivedObject.from_cloud(problem.p_WPs, STANDING, 0.0)
     too_high = STANDING @ make_pose(p=(0.0, 0.0, 0.03))
     wrong = PoseSet(UPRIGHT, too_high[None], np.ones(1))
     known = PlacementQuery(problem.pose_sets["upright"], target, problem.layout, in_hand=False)
@@ -118,7 +118,7 @@ def test_poses_that_differ_by_any_turn_are_one_mode() -> None:
 
 def test_hang_placements_hold_no_duplicates() -> None:
     problem = mug_problem(HANG, STANDING)
-    target = PerceivedObject.from_cloud(problem.p_WPs, STANDING)
+    target = PerceivedObject.from_cloud(problem.p_WPs, STANDING, 0.0)
     query = PlacementQuery(problem.pose_sets["handle"], target, problem.layout, in_hand=False)
     found = hang_placements(query)
     X_GoalOs = np.stack([g.X_WOgoal @ np.linalg.inv(g.X_WO) for g in found])

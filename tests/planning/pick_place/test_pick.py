@@ -27,7 +27,7 @@ def test_a_held_object_is_let_go_by_opening_clearly_further(
     held_m: float, seen_wider_m: float
 ) -> None:
     p_WPs = transform_points(gripper_pose(Q), tube(0.5 * (held_m + seen_wider_m)))
-    pick = held_pick(Q, held_m, PerceivedObject.from_cloud(p_WPs, None))
+    pick = held_pick(Q, held_m, PerceivedObject.from_cloud(p_WPs, None, 0.0))
     assert pick.release_m >= min(MAX_OPENING_M, held_m + 2.0 * RELEASE_CLEARANCE_M) - 1e-9
     assert pick.release_m <= MAX_OPENING_M + 1e-9
     assert pick.held_width_m == held_m

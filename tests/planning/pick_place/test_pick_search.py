@@ -41,7 +41,7 @@ def world() -> CollisionWorld:
 def search(p_WExtra: Array | None = None) -> PickSearch:
     """Return a search for picks of the mug, and of a point that is taken for part of it."""
     points = CLOUD if p_WExtra is None else np.concatenate([CLOUD, [p_WExtra]])
-    return PickSearch(world(), PerceivedObject.from_cloud(points, None), DrakeIk())
+    return PickSearch(world(), PerceivedObject.from_cloud(points, None, 0.0), DrakeIk())
 
 
 def find(picks: PickSearch, X_WG: Array = X_WG, fit: FingerFit = FIT) -> Pick | None:
@@ -69,7 +69,7 @@ def test_the_table_may_be_touched_only_at_the_beginning_of_a_lift() -> None:
     pick = find(search())
     assert pick is not None
     assert pick.lifting.table_below_m == pytest.approx(X_WG[2, 3] + TABLE_LIFT_M)
-    held = pick.held(PerceivedObject.from_cloud(CLOUD, None).p_WObstacles)
+    held = pick.held(PerceivedObject.from_cloud(CLOUD, None, 0.0).p_WObstacles)
     free = world().free(pick.lift_qs, Situation(pick.held_width_m, p_GHeld=held))
     assert not free[0] and free[-1], "it stands on the table, and hangs in the air"
 
@@ -112,7 +112,7 @@ def test_a_shorter_approach_is_taken_where_the_longer_meets_something() -> None:
 
 
 def test_grasps_from_above_with_a_short_lever_balance_best() -> None:
-    target = PerceivedObject.from_cloud(CLOUD, None)
+    target = PerceivedObject.from_cloud(CLOUD, None, 0.0)
     above = make_pose(rotation_x(np.pi), target.p_WCom)
     aside = above @ make_pose(p=(0.03, 0.0, 0.0))
     along_axis = above @ make_pose(p=(0.0, 0.03, 0.0))

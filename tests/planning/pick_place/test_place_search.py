@@ -51,7 +51,7 @@ def held() -> Pick:
 def search(p_WExtra: Array | None = None) -> PlaceSearch:
     """Return a search for places of the mug, and of a point that is taken for part of it."""
     points = CLOUD if p_WExtra is None else np.concatenate([CLOUD, [p_WExtra]])
-    return PlaceSearch(world(), PerceivedObject.from_cloud(points, None))
+    return PlaceSearch(world(), PerceivedObject.from_cloud(points, None, 0.0))
 
 
 def goal_qs(placement: Placement) -> Array:
@@ -86,7 +86,7 @@ def test_the_released_object_is_where_the_hand_has_carried_it() -> None:
     place = find(search(), PLACEMENT)
     assert place is not None
     X_WMoved = shifted(PLACEMENT.X_WOgoal, (0.0, 0.0, -0.004)) @ np.linalg.inv(STANDING)
-    before = PerceivedObject.from_cloud(CLOUD, None).p_WObstacles
+    before = PerceivedObject.from_cloud(CLOUD, None, 0.0).p_WObstacles
     np.testing.assert_allclose(place.p_WReleased, transform_points(X_WMoved, before), atol=1e-9)
 
 

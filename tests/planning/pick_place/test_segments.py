@@ -32,7 +32,7 @@ def world() -> CollisionWorld:
 
 def segments(transit: bool, away: bool) -> tuple[Segment, ...]:
     """Return the segments of a pick and place from QS[0] to QS[7], or of the place alone."""
-    target = PerceivedObject.from_cloud(POINTS, None)
+    target = PerceivedObject.from_cloud(POINTS, None, 0.0)
     holding = Situation(WIDTH_M, p_GHeld=POINTS)
     pick = Pick(np.eye(4), OPEN_M, RELEASE_M, WIDTH_M, QS[1:3], QS[2:4], holding)
     entry = np.array([[0.0, 0.0, 0.05]])

@@ -102,7 +102,7 @@ def test_true_grasps_hold_clear_the_table_and_show(
 ) -> None:
     visibility = GraspVisibility(mug.body.mesh, candidates.X_OGs, candidates.openings_m)
     shown = visibility.visible(scene.X_WO, scene.p_WPs)
-    free = feasible(scene.X_WO, candidates.X_OGs, candidates.openings_m)
+    free = feasible(scene.X_WO, candidates.X_OGs, candidates.openings_m, 0.0)
     expected = (candidates.weights > 0.0) & shown & free
     assert np.array_equal(true(candidates, scene), expected)
     assert set(candidates.states(scene)) == {PoseState.TRUE, PoseState.FALSE}

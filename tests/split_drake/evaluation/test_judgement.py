@@ -69,7 +69,7 @@ def X_OGs(mug: MugShape) -> Array:
 
 def test_true_grasps_are_good_but_for_those_from_below(mug: MugShape, X_OGs: Array) -> None:
     X_WO = make_pose(rotation_z(1.0), (0.5, 0.0, 0.0))
-    judgement = judge_grasps(X_WO @ X_OGs, GraspJudge(mug.body.mesh), X_WO)
+    judgement = judge_grasps(X_WO @ X_OGs, GraspJudge(mug.body.mesh), X_WO, 0.0)
     from_above = X_OGs[:, 2, 2] < 0.0
     assert judgement.good[from_above].mean() > 0.6
     assert not judgement.good[~from_above].any()
@@ -79,8 +79,8 @@ def test_true_grasps_are_good_but_for_those_from_below(mug: MugShape, X_OGs: Arr
 
 def test_half_a_turn_of_the_hand_changes_no_verdict(mug: MugShape, X_OGs: Array) -> None:
     judge = GraspJudge(mug.body.mesh)
-    one = judge_grasps(X_OGs, judge, np.eye(4))
-    other = judge_grasps(X_OGs @ make_pose(rotation_z(np.pi)), judge, np.eye(4))
+    one = judge_grasps(X_OGs, judge, np.eye(4), 0.0)
+    other = judge_grasps(X_OGs @ make_pose(rotation_z(np.pi)), judge, np.eye(4), 0.0)
     assert (one.good == other.good).mean() > 0.95  # some lines meet an edge within rounding
 
 

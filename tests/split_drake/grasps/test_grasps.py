@@ -111,9 +111,9 @@ def test_feasible_grasps_clear_the_table_from_above() -> None:
     half = PAD_SIZE_M[1] / 2
     heights = [half + TABLE_CLEARANCE_M + 1e-4, half + TABLE_CLEARANCE_M - 1e-4]
     X_OGs = np.stack([*(make_pose(DOWN, (0, 0, z)) for z in heights), make_pose(p=(0, 0, 1.0))])
-    assert feasible(np.eye(4), X_OGs, np.full(3, 0.04)).tolist() == [True, False, False]
+    assert feasible(np.eye(4), X_OGs, np.full(3, 0.04), 0.0).tolist() == [True, False, False]
     raised = make_pose(p=(0.5, 0.0, 0.01))
-    assert feasible(raised, X_OGs, np.full(3, 0.04)).tolist() == [True, True, False]
+    assert feasible(raised, X_OGs, np.full(3, 0.04), 0.0).tolist() == [True, True, False]
 
 
 def test_feasible_counts_the_whole_hand() -> None:
@@ -122,7 +122,7 @@ def test_feasible_counts_the_whole_hand() -> None:
     slightly_down = level @ make_pose(rotation_x(0.05))
     X_OGs = np.stack([slightly_down, make_pose(p=(0.0, 0.0, 0.08)) @ slightly_down])
     assert (X_OGs[:, 2, 2] < 0.0).all()
-    assert feasible(np.eye(4), X_OGs, np.full(2, 0.04)).tolist() == [False, True]
+    assert feasible(np.eye(4), X_OGs, np.full(2, 0.04), 0.0).tolist() == [False, True]
 
 
 @pytest.fixture(scope="module", params=["train_006", "test_001"])

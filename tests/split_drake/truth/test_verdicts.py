@@ -9,6 +9,7 @@ import pytest
 from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.mugs.split import load_mug
 from split_drake.poses import Array, invert_pose, make_pose, rotation_x, rotation_y
+from split_drake.station.config import StationConfig
 from split_drake.station.fixtures import TABLE_BODY
 from split_drake.station.layout import Layout
 from split_drake.station.station import Station
@@ -23,7 +24,7 @@ from split_drake.truth.starts import (
 )
 from split_drake.truth.state import Truth
 from split_drake.truth.verdicts import hang_verdict, peg_in_opening, reorient_verdict
-from tests.helpers.stations import STATION
+from tests.helpers.stations import STATION, raised_layout
 
 
 @pytest.fixture(scope="module")
@@ -159,3 +160,20 @@ def test_only_the_truths_room_reads_the_simulators_truth() -> None:
         if re.search(r"\bplant_context\b", path.read_text())
     }
     assert readers == {"split_drake/truth", "split_drake/station", "split_drake/station/hand"}
+
+
+def test_a_mug_stands_on_a_table_at_another_height(mug: MugShape) -> None:
+    station = Station(StationConfig(raised_layout(0.10)), [mug.body])
+    truth = Truth(station)
+    station.place_object(0, make_pose(p=(0.5, 0.0, 0.101)))
+    verdict = reorient_verdict(station, truth)
+    assert verdict.success, verdict.reason
+    assert truth.X_WO()[2, 3] == pytest.approx(0.10, abs=1e-3)
+    station.place_object(0, make_pose(rotation_x(np.pi / 2.0), (0.5, 0.0, 0.16)))
+    assert not reorient_verdict(station, truth, timeout_s=6.0).success
+
+
+def test_a_mug_hangs_above_a_table_at_another_height(mug: MugShape) -> None:
+    station = Station(StationConfig(raised_layout(0.10)), [mug.body])
+    station.place_object(0, hanging_pose(mug, station.config.layout))
+    assert hang_verdict(station, Truth(station), mug, release_time_s=0.0).success

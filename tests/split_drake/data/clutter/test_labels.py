@@ -34,7 +34,7 @@ def test_hands_in_the_table_or_from_below_are_refused() -> None:
     X_WGs = np.concatenate(
         [at(0.0, 0.0, 0.02), at(0.0, 0.0, 0.005), make_pose(p=(0, 0, 0.3))[None]]
     )
-    assert clears_table(X_WGs).tolist() == [True, False, False]
+    assert clears_table(X_WGs, 0.0).tolist() == [True, False, False]
 
 
 def test_a_grasp_is_visible_where_the_cloud_shows_what_it_pinches() -> None:
@@ -50,10 +50,10 @@ def test_a_grasp_is_visible_where_the_cloud_shows_what_it_pinches() -> None:
 def test_a_neighbour_takes_away_the_grasps_that_it_stands_in_the_way_of(bar: ClutterObject) -> None:
     X_WO = make_pose(p=(0.5, 0.0, 0.025))
     beside = make_pose(p=(0.5 + 0.045, 0.0, 0.025))
-    alone = label_scene([bar], X_WO[None], surface(bar, X_WO), np.random.default_rng(0))
+    alone = label_scene([bar], X_WO[None], surface(bar, X_WO), 0.0, np.random.default_rng(0))
     both_X_WOs = np.stack([X_WO, beside])
     cloud = np.concatenate([surface(bar, each) for each in both_X_WOs])
-    both = label_scene([bar, bar], both_X_WOs, cloud, np.random.default_rng(0))
+    both = label_scene([bar, bar], both_X_WOs, cloud, 0.0, np.random.default_rng(0))
 
     def across_x(X_WGs: Array) -> int:
         return int((np.abs(X_WGs[:, 0, 1]) > 0.9).sum())
@@ -67,18 +67,18 @@ def test_true_grasps_hit_no_other_object(bar: ClutterObject, can: ClutterObject)
     X_WOs = np.stack([make_pose(p=(0.46, 0.0, 0.025)), make_pose(p=(0.54, 0.02, 0.0))])
     clouds = [surface(each, X_WO) for each, X_WO in zip((bar, can), X_WOs, strict=True)]
     rng = np.random.default_rng(0)
-    grasps = label_scene([bar, can], X_WOs, np.concatenate(clouds), rng)
+    grasps = label_scene([bar, can], X_WOs, np.concatenate(clouds), 0.0, rng)
     nearer_bar = np.linalg.norm(grasps.X_WGs[:, :2, 3] - X_WOs[0, :2, 3], axis=1) < 0.04
     assert 0 < nearer_bar.sum() < len(nearer_bar)
     surfaces = [transform_points(X, e.p_OSurface) for e, X in zip((bar, can), X_WOs, strict=True)]
     assert not hand_hits(grasps.X_WGs[nearer_bar], surfaces[1]).any()
-    assert clears_table(grasps.X_WGs).all()
+    assert clears_table(grasps.X_WGs, 0.0).all()
     assert len(grasps.weights) == len(grasps.X_WGs)
 
 
 def test_what_is_not_seen_is_not_true(bar: ClutterObject) -> None:
     X_WO = make_pose(p=(0.5, 0.0, 0.025))
     elsewhere = surface(bar, make_pose(p=(0.6, 0.1, 0.025)))
-    grasps = label_scene([bar], X_WO[None], elsewhere, np.random.default_rng(0))
+    grasps = label_scene([bar], X_WO[None], elsewhere, 0.0, np.random.default_rng(0))
     assert len(grasps.X_WGs) == 0
     assert len(grasps.X_WFs) > 0
