@@ -9,7 +9,7 @@ The flow::
 Frames, in Drake's monogram notation (``X_AB`` is the pose of B in A; adjacent letters cancel):
 
 =====  ==========================================================================================
-W      world: the robot's base, z up, the table's top at z = 0, workspace centre at (0.5, 0, 0)
+W      world: the robot's base, z up; the table's top and the workspace's centre at (0.5, 0, 0)
 V      corner of the occupancy grid
 C      camera: x right, y down, z into the scene (OpenCV)
 G      gripper: origin between the pads' centres, z approach, y closing direction

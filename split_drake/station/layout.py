@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from split_drake.bad_input import BadInputError, require_numbers
+from split_drake.bad_input import BadInputError, require_number, require_numbers
 from split_drake.camera import Intrinsics, look_at
 from split_drake.poses import Array, make_pose, rotation_x
 from split_drake.robot.posture import HIGHEST_Q, LOWEST_Q, Q_HOME
@@ -121,8 +121,10 @@ class Layout:
         bin: what things are dropped into; None for none.
         table_size_m: edges of the table's box, whose top is at `table_z_m`.
         p_WTable: (x, y) of the table's centre.
+        q_home: (7,) joint angles at which the arm rests, out of the cameras' sight, rad.
 
-    Raises BadInputError where the table's top is on the floor, or the hook's post has no height.
+    Raises BadInputError where the table's top is on the floor, the hook's post has no height, or a
+    joint of `q_home` is out of its range.
     """
 
     workspace: Workspace = field(default_factory=Workspace)
@@ -137,12 +139,6 @@ class Layout:
     q_home: Array = field(default_factory=lambda: Q_HOME)
 
     def __post_init__(self) -> None:
-        require_number(
-            "the table's height, which is that of the workspace's centre,",
-            self.table_z_m,
-            *_TABLE_RANGE_M,
-            "metres above the robot's base",
-        )
         for number, (q, least, most) in enumerate(
             zip(self.q_home, LOWEST_Q, HIGHEST_Q, strict=True)
         ):
@@ -171,11 +167,6 @@ class Layout:
         root_z_m = (self.X_WK @ (0.0, -self.hook.post_distance_m, 0.0, 1.0))[2]
         return float(root_z_m + self.hook.post_above_m - self.table_z_m)
 
-    @property
-    def table_z_m(self) -> float:
-        """The height in W of the table's top."""
-        return float(self.workspace.p_WCenter[2])
-
 
 def same_fixtures(one: Layout, other: Layout) -> bool:
     """Return whether two layouts have the same table, hook, bin and home, which a world keeps."""
@@ -184,7 +175,6 @@ def same_fixtures(one: Layout, other: Layout) -> bool:
         and np.array_equal(one.q_home, other.q_home)
         and one.hook == other.hook
         and one.bin == other.bin
-        and one.table_z_m == other.table_z_m
         and one.table_size_m == other.table_size_m
         and one.p_WTable == other.p_WTable
         and one.table_z_m == other.table_z_m

@@ -117,7 +117,7 @@ def test_what_cannot_be_used_is_told_with_its_place(
 def test_the_file_as_a_whole_is_checked(tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match=r"cameras is \[\]; expected a list of cameras"):
         read(tmp_path)
-    with pytest.raises(BadInputError, match="has 'table'; expected cameras, workspace"):
-        read(tmp_path, camera(), table=3)
+    with pytest.raises(BadInputError, match="has 'lights'; expected cameras, workspace"):
+        read(tmp_path, camera(), lights=3)
     with pytest.raises(BadInputError, match="workspace: center is 'here'; expected 3 numbers"):
         read(tmp_path, camera(), workspace={"center": "here"})
