@@ -97,11 +97,12 @@ def _whatever_fails(path: Path | str, what: str, *kinds: type[Exception]) -> Ite
         raise UnreadableFileError(f"{path}: {error}") from error
     except kinds as error:
         told = f"{error} is missing" if isinstance(error, KeyError) else str(error)
-        told = told.splitlines()[0] if told else type(error).__name__
+        # What is damaged may be quoted, binary and at length.
+        told = ascii(told.splitlines()[0][:_TOLD])[1:-1] if told else type(error).__name__
         raise UnreadableFileError(f"{path} is damaged or not {what}: {told}") from error
 
 
-_SHOWN = 40
+_SHOWN, _TOLD = 40, 200
 
 
 @contextmanager

@@ -70,6 +70,8 @@ class PoseSet:
         Raises BadInputError where there are not as many scores as poses.
         """
         poses, values = np.asarray(X_WPs), np.asarray(scores, dtype=float)
+        if not poses.ndim:
+            raise BadInputError(f"X_WPs of {task} is {poses}; expected (N, 4, 4) poses")
         if values.shape != (len(poses),):
             raise BadInputError(
                 f"{len(poses)} poses of {task} have scores of shape {values.shape}; expected "

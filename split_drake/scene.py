@@ -43,6 +43,8 @@ class Workspace:
         require_numbers(self)
         if len(self.p_WCenter) != 3:
             raise BadInputError(f"p_WCenter is {self.p_WCenter}; expected three metres")
+        for coordinate in self.p_WCenter:
+            require_number("a coordinate of p_WCenter", coordinate, meaning="metres")
         if not 0.0 <= self.depth_below_m + self.table_clearance_m < self.edge_m:
             raise BadInputError(
                 f"edge_m is {self.edge_m}, depth_below_m {self.depth_below_m} and "

@@ -33,7 +33,7 @@ def read_cloud(path: Path | str) -> Array:
         raise
     # The readers of three packages raise whatever they trip over in damaged bytes.
     except Exception as error:
-        told = f"{type(error).__name__}: {error}".splitlines()[0]
+        told = ascii(f"{type(error).__name__}: {error}".splitlines()[0][:200])[1:-1]
         raise UnreadableFileError(f"{path} is damaged or not {WHAT}: {told}") from error
     return _checked(points, path)
 

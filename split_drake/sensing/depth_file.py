@@ -40,7 +40,9 @@ def read_depth(path: Path | str, unit_m: float = MILLIMETRE_M) -> NDArray[np.flo
                 f"{path} has 8 bits a pixel; expected {WHAT_DEPTH}: is it a picture of depth?"
             )
         if image.dtype.kind == "f":
-            return np.where(np.isfinite(image), image, 0.0).astype(np.float32)
+            with np.errstate(over="ignore"):
+                metres = image.astype(np.float32)
+            return np.where(np.isfinite(metres), metres, np.float32(0.0))
         counts = image.astype(np.float64)
         return np.where(counts == _SATURATED, 0.0, counts * unit_m).astype(np.float32)
 
@@ -65,11 +67,11 @@ def read_mask(path: Path | str) -> NDArray[np.bool_]:
 def _pixels(path: Path, what: str) -> NDArray[np.generic]:
     if not path.is_file():
         raise MissingFileError(f"there is no file {path}; expected {what}")
-    if path.suffix == ".npy":
-        return np.asarray(np.load(path, allow_pickle=False))
-    # What a damaged image raises: OSError, SyntaxError, struct.error, and a bomb of pixels.
+    # NumPy and Pillow raise errors of a dozen kinds where bytes are damaged.
     try:
+        if path.suffix == ".npy":
+            return np.asarray(np.load(path, allow_pickle=False))
         with Image.open(path) as image:
             return np.asarray(image)
-    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
-        raise ValueError(str(error)) from error
+    except Exception as error:
+        raise ValueError(f"{type(error).__name__}: {error}") from error

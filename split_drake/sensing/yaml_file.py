@@ -43,7 +43,7 @@ def read_yaml(path: Path | str, what: str) -> Fields:
         # Of several documents, as `rostopic echo` writes them, the first is taken.
         content = next(iter(yaml.load_all(text, _Loader)), None)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        told = " ".join(str(error).split())
+        told = ascii(" ".join(str(error).split())[:300])[1:-1]
         raise UnreadableFileError(f"{path} is damaged or not {what}: {told}") from error
     if not isinstance(content, dict):
         raise UnreadableFileError(f"{path} holds no names with values; expected {what}")
