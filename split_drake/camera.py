@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from split_drake.bad_input import BadInputError, require_count, require_number
-from split_drake.poses import Array, invert_pose, make_pose, nearest_pose
+from split_drake.poses import Array, check_poses, invert_pose, make_pose, nearest_pose
 
 # A camera looking at a table from further away than this was given in millimetres.
 MAX_PLAUSIBLE_DEPTH_M = 20.0
@@ -163,4 +163,4 @@ def look_at(p_WC: ArrayLike, p_WTarget: ArrayLike, down_W: ArrayLike = (0.0, 0.0
         )
     z /= np.linalg.norm(z)
     x /= np.linalg.norm(x)
-    return make_pose(np.column_stack([x, np.cross(z, x), z]), p_WC)
+    return check_poses(make_pose(np.column_stack([x, np.cross(z, x), z]), p_WC), "the view's pose")

@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from split_drake.bad_input import BadInputError
+from split_drake.bad_input import LARGEST, BadInputError
 from split_drake.files import MissingFileError, UnreadableFileError
 
 Fields = Mapping[str, Any]
@@ -68,6 +68,6 @@ def numbers(value: object, count: int, where: str) -> list[float]:
     listed = isinstance(value, Sequence) and not isinstance(value, str)
     values: list[Any] = list(value) if listed else [value]  # type: ignore[call-overload]
     good = all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values)
-    if not good or len(values) != count or any(abs(v) == float("inf") or v != v for v in values):
+    if not good or len(values) != count or not all(abs(v) <= LARGEST for v in values):
         raise BadInputError(f"{where} is {value!r:.80}; expected {count} numbers")
     return [float(v) for v in values]
