@@ -50,7 +50,7 @@ def handle(
     plan: Plan | None = None,
 ) -> PickOutcome:
     problem = mug_problem(REORIENT, STANDING)
-    scene = Scene(problem.p_WPs, problem.p_WPs[:2000], Workspace())
+    scene = Scene.from_points(problem.p_WPs, Workspace())
     perception = Perception(
         scene, problem.pose_sets, problem.p_WPs, np.empty((0, 3)), in_view=1, duration_s=0.1
     )

@@ -32,7 +32,7 @@ from tests.helpers.robot import PerfectRobot
 
 
 def scene_of(problem: PlanningProblem) -> Scene:
-    return Scene(problem.p_WPs, problem.p_WPs[:2000], Workspace())
+    return Scene.from_points(problem.p_WPs, Workspace())
 
 
 class Looks:
