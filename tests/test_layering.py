@@ -18,6 +18,7 @@ ROOMS = (
     "split_drake.robot",
     "split_drake.experiments",
     "split_drake.objects",
+    "split_drake.objects.meshes",
     "split_drake.objects.mugs",
     "split_drake.objects.scanned",
     "split_drake.objects.procedural",

@@ -61,7 +61,7 @@ def test_what_is_no_mug_is_refused_before_any_trial(folder: Path, tmp_path: Path
         main(MugHangOptions(mugs=str(mixed), detector="oracle", workers=1, out=out))
     faults = str(caught.value).splitlines()[1:]
     assert len(faults) == 2
-    assert "blank.obj: empty file" in faults[0]
+    assert "blank.obj is an empty file" in faults[0]
     assert "brick.stl: no upright round body" in faults[1]
     assert not trial_run(out).records()
 
