@@ -1,4 +1,4 @@
-"""What a mug's mesh collides as: pieces fitted to it, or a convex decomposition where these fail."""
+"""What a mug collides as: pieces fitted to its mesh, or a decomposition where these fail."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -9,12 +9,12 @@ import pytest
 import shapely
 import trimesh
 
+from split_drake.objects.meshes.mass import is_closed, mass_properties
 from split_drake.objects.mug_shape import InvalidMugError, MugShape
 from split_drake.objects.mugs.split import load_mug, mug_names, mug_parameters
 from split_drake.objects.scanned.build import MASS_KG, build_mug_from_mesh
 from split_drake.objects.scanned.files import load_mug_file, load_mug_folder
 from split_drake.objects.scanned.handle import CELL_M, see_through
-from split_drake.objects.meshes.mass import is_closed, mass_properties
 from split_drake.objects.scanned.profile import measure_profile
 from split_drake.poses import Array, make_pose, rotation_x, rotation_z
 from tests.split_drake.objects.test_mugs import piece_surface, signed_distances
