@@ -4,14 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import trimesh
 
 from split_drake.objects.meshes.mesh_file import Y_UP_TO_Z_UP, ObjectFileError, parse_mesh
 from split_drake.objects.mug_shape import InvalidMugError, MugShape
 from split_drake.objects.scanned.build import MAX_SIZE_M, MIN_SIZE_M, build_mug
 from split_drake.objects.scanned.folder import NoMugsError, mug_files
-from split_drake.poses import Array
+from split_drake.poses import Array, invert_pose
 
 # Other units are assumed of what would be a common mug by them, and no mug in metres.
 _UNITS_M = {"millimetres": 1e-3, "centimetres": 1e-2}
@@ -95,5 +94,5 @@ def _ways_up(
     X: Array = Y_UP_TO_Z_UP
     up = "y"
     if path.suffix.lower() == ".glb":
-        X, up = np.linalg.inv(X), "z"
+        X, up = invert_pose(X), "z"
     yield mesh.copy().apply_transform(X), (f"its {up} axis is taken for up",)

@@ -123,7 +123,7 @@ def cast_outline(mesh: trimesh.Trimesh, p_OMiddle: Array) -> Array:
     angle = np.linspace(0.0, 2.0 * np.pi, _OUTLINE_RAYS, endpoint=False)
     rays = np.column_stack([np.cos(angle), np.zeros_like(angle), np.sin(angle)])
     start = np.array([p_OMiddle[0], _ASIDE_M, p_OMiddle[1]])
-    distances, _ = RayCaster(mesh).cast(start, rays)
+    distances = RayCaster(mesh).cast(start, rays)[0].astype(float)
     missed = float(np.isinf(distances).mean())
     if missed > MAX_OPENING_GAPS:
         raise InvalidMugError(
