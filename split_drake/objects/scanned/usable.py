@@ -34,7 +34,15 @@ class UsableMugs:
 
 
 @dataclass(frozen=True)
-class _Verdict:
+class Verdict:
+    """What came of one mug.
+
+    Attributes:
+        name: of the mug.
+        fault: one sentence that says why it is refused; empty where it is usable.
+        remarks: what was assumed of its file; empty where nothing was.
+    """
+
     name: str
     fault: str
     remarks: str
@@ -53,9 +61,8 @@ def usable_mugs(
     if source.folder is None:
         return UsableMugs(source)
     names = source.names()
-    pool = WorkerPool(partial(_verdict, source, trial), workers, _crashed, limit_s=_LIMIT_S)
     with console.status(f"checking {len(names)} mugs of {source.where}"):
-        verdicts = sorted(pool.run(names), key=lambda verdict: verdict.name)
+        verdicts = mug_verdicts(source, workers, trial)
     faults = {verdict.name: verdict.fault for verdict in verdicts if verdict.fault}
     refused = dict(sorted({**source.unclear(), **faults}.items()))
     if len(faults) == len(names):
@@ -72,16 +79,22 @@ def usable_mugs(
     return UsableMugs(replace(source, left_out=left_out), refused, remarks)
 
 
-def _verdict(source: MugSource, trial: Trial | None, name: str) -> _Verdict:
+def mug_verdicts(source: MugSource, workers: int, trial: Trial | None = None) -> list[Verdict]:
+    """Return what comes of each mug of a source, sorted by name; see `usable_mugs`."""
+    pool = WorkerPool(partial(_verdict, source, trial), workers, _crashed, limit_s=_LIMIT_S)
+    return sorted(pool.run(source.names()), key=lambda verdict: verdict.name)
+
+
+def _verdict(source: MugSource, trial: Trial | None, name: str) -> Verdict:
     try:
         mug = source.read(name)
         if trial is not None:
             trial(name, mug)
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
-        return _Verdict(name, reason if name in reason else f"{name}: {reason}", "")
-    return _Verdict(name, "", "; ".join(mug.remarks))
+        return Verdict(name, reason if name in reason else f"{name}: {reason}", "")
+    return Verdict(name, "", "; ".join(mug.remarks))
 
 
-def _crashed(name: str, reason: str) -> _Verdict:
-    return _Verdict(name, f"{name}: while it was loaded, {reason}; expected a mug", "")
+def _crashed(name: str, reason: str) -> Verdict:
+    return Verdict(name, f"{name}: while it was loaded, {reason}; expected a mug", "")
