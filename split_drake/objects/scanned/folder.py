@@ -63,8 +63,8 @@ def find_mug_files(folder: Path) -> MugFiles:
     homes = defaultdict(list)
     for found in (_describe(path, folder) for path in paths):
         # In the folder itself every name is another mug.
-        homes[found.home or (found.base,)].append(found)
-    named = [entry for home in homes for entry in _mugs_of(home, homes[home])]
+        homes[found.home, "" if found.home else found.base].append(found)
+    named = [entry for (home, _), group in homes.items() for entry in _mugs_of(home, group)]
     return _by_name(named)
 
 
@@ -102,7 +102,7 @@ def _mugs_of(home: tuple[str, ...], found: Sequence[_Found]) -> list[tuple[str, 
         by_base[entry.base].append(entry.path)
     several = len(by_base) > 1
     return [
-        ("_".join((*home, base) if several else home), min(paths, key=_rank))
+        ("_".join((*home, base) if several or not home else home), min(paths, key=_rank))
         for base, paths in by_base.items()
     ]
 
