@@ -14,7 +14,7 @@ from split_drake.objects.mug_shape import InvalidMugError
 from split_drake.objects.ray_caster import RayCaster
 from split_drake.objects.rigid import Primitive
 from split_drake.objects.scanned.collision import fit_collision
-from split_drake.objects.scanned.handle import PEG_ROOM_M, Silhouette, measure_grip
+from split_drake.objects.scanned.handle import Silhouette, measure_grip
 from split_drake.objects.scanned.profile import BodyProfile
 from split_drake.poses import Array
 
@@ -26,6 +26,8 @@ DECOMPOSED = "it collides as a convex decomposition"
 MIN_CLOSE = 0.9
 MIN_CLOSE_OPEN = 0.75
 CLOSE_M = 0.003
+# Of the hook's peg, for which pieces leave room.
+PEG_RADIUS_M = 0.006
 
 _HEIGHTS = 40
 _AZIMUTHS = 90
@@ -105,7 +107,7 @@ def _require_room(solid: trimesh.Trimesh, X_OH: Array) -> None:
     """Raise InvalidMugError where a thin peg along H's y does not pass beside the pieces."""
     angle = np.linspace(0.0, 2.0 * np.pi, _PEG_RAYS, endpoint=False)
     around = np.column_stack([np.cos(angle), np.zeros_like(angle), np.sin(angle)])
-    starts = X_OH[:3, 3] + 0.75 * PEG_ROOM_M * around - (0.0, _FAR_M, 0.0)
+    starts = X_OH[:3, 3] + PEG_RADIUS_M * around - (0.0, _FAR_M, 0.0)
     distances, _ = RayCaster(solid).cast(starts, np.broadcast_to((0.0, 1.0, 0.0), starts.shape))
     blocked = float(np.isfinite(distances).mean())
     if blocked > 0.0:
