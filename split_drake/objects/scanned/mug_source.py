@@ -9,11 +9,12 @@ from models import MODELS_FOLDER
 from split_drake.bad_input import BadInputError
 from split_drake.experiments.provenance import combined_sha256, file_sha256
 from split_drake.objects.mug_shape import MugShape
-from split_drake.objects.mugs.split import Split, load_mug, mug_names
+from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
 from split_drake.objects.scanned.files import ReadMug, read_mug_file
 from split_drake.objects.scanned.folder import MugFiles, find_mug_files
 
 SPLITS: tuple[Split, ...] = get_args(Split)
+DERIVED = Path("datasets/mugs")
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,20 @@ class MugSource:
     def mesh_sha256(self, name: str) -> str | None:
         """Return the SHA-256 of a mug's mesh file; None for the mugs of a fixed split."""
         return None if self.folder is None else file_sha256(_files(self.folder).meshes[name])
+
+    def derived_path(self, kind: str) -> Path:
+        """Return the .npz file in which what is made of all mugs is kept, "rests" or "grasps".
+
+        That of a fixed split ships; a folder's is told by its content, below where a command runs.
+        """
+        if self.folder is None:
+            return MODELS_FOLDER / "mugs" / f"{kind}_{self.where}.npz"
+        called = f"{self.folder.resolve().name}-{self.mugs_sha256()[:12]}"
+        return DERIVED / called / f"{kind}.npz"
+
+    def mugs_sha256(self) -> str:
+        """Return a hash of the mugs alone, which what is made of them records."""
+        return self.sha256() if self.split is None else mugs_sha256(self.split)
 
     def sha256(self) -> str:
         """Return a hash of the files that mugs, and the rests and grasps of a split, come from."""
