@@ -21,7 +21,7 @@ from split_drake.files import replacing
 from split_drake.objects.convex_pieces import piece_mesh
 from split_drake.objects.mug_shape import MugShape
 from split_drake.objects.procedural.sheet import draw
-from split_drake.objects.scanned.mug_source import SPLITS, MugSource
+from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.objects.scanned.usable import mug_verdicts
 from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
@@ -55,8 +55,6 @@ class CheckOptions:
         for name in ("columns", "pixels", "workers"):
             if getattr(self, name) < 1:
                 raise BadInputError(f"--{name} is {getattr(self, name)}; expected at least 1")
-        if str(self.folder) in SPLITS or not self.folder.is_dir():
-            raise BadInputError(f"there is no folder {self.folder}; expected one of mesh files")
         if self.out is not None and self.out.suffix.lower() != ".png":
             raise BadInputError(f"--out is {self.out}; expected a file called .png")
 
@@ -93,7 +91,10 @@ def draw_mugs(mugs: Sequence[MugShape], out: Path, columns: int, pixels: int) ->
 
 def main(options: CheckOptions) -> None:
     """Print the lines, draw the mugs, and exit with 1 where a mesh was refused."""
+    if not options.folder.is_dir():
+        raise BadInputError(f"there is no folder {options.folder}; expected one of mesh files")
     console = Console()
+    # A folder that is called as a fixed split is meant nevertheless.
     source = MugSource(str(options.folder.resolve()))
     trial = MugCheck(StationConfig(Layout()), None, options.folder)
     refused = len(source.unclear())

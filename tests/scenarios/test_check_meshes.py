@@ -33,7 +33,7 @@ def test_a_line_a_mesh_and_a_picture(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 def test_options_that_cannot_be_used(tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match="there is no folder"):
-        CheckOptions(tmp_path / "none")
+        main(CheckOptions(tmp_path / "none"))
     with pytest.raises(BadInputError, match=r"--out is x\.jpg; expected a file called \.png"):
         CheckOptions(tmp_path, Path("x.jpg"))
     with pytest.raises(BadInputError, match="--columns is 0"):
