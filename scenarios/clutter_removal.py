@@ -37,7 +37,7 @@ from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import require_results
-from split_drake.objects.files.mesh_file import ObjectFileError
+from split_drake.objects.meshes.mesh_file import ObjectFileError
 from split_drake.station.egl import check_rendering
 from split_drake.station.layout import Layout
 

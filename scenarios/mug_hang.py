@@ -13,6 +13,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 from rich.console import Console
@@ -20,7 +21,7 @@ from rich.console import Console
 from planning.planner import planner_names
 from planning.subgoal import find_subgoal
 from scenarios.trials.detectors import require_working_detector, station_of
-from scenarios.trials.mug_check import check_mugs
+from scenarios.trials.mug_check import MugCheck, keep_grasps
 from scenarios.trials.mug_tasks import MugTaskName
 from scenarios.trials.pose_noise import PoseNoise
 from scenarios.trials.records import TrialRecord, success_rate, trial_run
@@ -35,6 +36,7 @@ from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import RunFolder, as_json, require_results
 from split_drake.files import interpreting, read_json_object, write_atomically
 from split_drake.objects.scanned.mug_source import MugSource
+from split_drake.objects.scanned.usable import UsableMugs, usable_mugs
 from split_drake.scene import MAX_NOISE_M
 from split_drake.station.config import StationConfig
 from split_drake.station.file.station_file import station_to_yaml
@@ -49,8 +51,8 @@ class MugHangOptions:
         seed: of the first trial.
         detector: SPLIT, or the true pose sets.
         task: hang (with a reorientation where no hanging plan exists), or reorient alone.
-        mugs: "test", shapes unlike those the model was trained on, "train", or a folder of upright
-            mesh files in metres (or of folders holding one each).
+        mugs: "test", shapes unlike those the model was trained on, "train", or a folder of meshes,
+            of which those that `python -m scenarios.check_meshes` refuses are left out.
         planner: by name.
         checkpoint: weights of SPLIT; those that ship with the project where not given.
         noise_m: standard deviation of the noise on the sampled points.
@@ -132,14 +134,17 @@ class MugHangOptions:
 FREE_KEYS = ("trials", "workers", "record", "limit_s", "out")
 
 
-def run_config(options: MugHangOptions) -> dict[str, Any]:
-    """Return the content of config.json."""
+def run_config(options: MugHangOptions, mugs: UsableMugs | None = None) -> dict[str, Any]:
+    """Return the content of config.json; `mugs` are those of a folder that are usable."""
     from split_drake.split.checkpoint import default_weights
 
     config = as_json(asdict(options))
-    source = MugSource(options.mugs)
-    if source.folder is not None:
-        config["mesh_sha256"] = {name: source.mesh_sha256(name) for name in source.names()}
+    mugs = mugs or UsableMugs(MugSource(options.mugs))
+    if mugs.source.folder is not None:
+        names = mugs.source.names()
+        config["mesh_sha256"] = {name: mugs.source.mesh_sha256(name) for name in names}
+        config["refused_meshes"] = mugs.refused
+        config["assumed_of_meshes"] = mugs.remarks
     config["station_sha256"] = None if options.station is None else file_sha256(options.station)
     config["checkpoint_sha256"] = None
     if options.detector == "split":
@@ -147,14 +152,22 @@ def run_config(options: MugHangOptions) -> dict[str, Any]:
     return {**config, **code_version()}
 
 
-def specs_of(options: MugHangOptions, folder: Path, done: Collection[int]) -> list[TrialSpec]:
-    """Return the trials of a run, without those whose indices are `done`."""
+def specs_of(
+    options: MugHangOptions,
+    folder: Path,
+    done: Collection[int],
+    mugs: MugSource | None = None,
+) -> list[TrialSpec]:
+    """Return the trials of a run, without those whose indices are `done`.
+
+    They are with `mugs`, or with all that the options name.
+    """
     station = asked_station(options)
     return [
         TrialSpec(
             index=index,
             seed=options.seed + index,
-            mugs=MugSource(options.mugs),
+            mugs=mugs or MugSource(options.mugs),
             task=find_subgoal(options.task),
             detector=options.detector,
             planner=options.planner,
@@ -222,20 +235,14 @@ def main(options: MugHangOptions) -> Path:
     console = Console()
     started = time.monotonic()
     folder = options.out or Path("runs/mug_hang") / datetime.now().strftime("%Y%m%d-%H%M%S")
-    config, run = run_config(options), trial_run(folder)
+    run = trial_run(folder)
     require_working_detector(options.detector, options.checkpoint, find_subgoal(options.task))
-    with run.claim(config, FREE_KEYS, again=lambda record: record.failed_to_run):
-        before_s = earlier_wall_s(folder)
-        write_atomically(folder / "station.yaml", station_to_yaml(asked_station(options)))
-        specs = specs_of(options, folder, {record.index for record in run.records()})
-        if specs:
-            require_working_mugs(options, folder, specs[0], console)
-        try:
-            run_missing(run, specs, options, console)
-        finally:
-            run.require_unchanged()
-            asked = asked_records(options, run.records())
-            write_report(folder, asked, config, before_s + time.monotonic() - started)
+    with TemporaryDirectory() as scratch:
+        mugs = find_usable_mugs(options, folder, Path(scratch), console)
+        config = run_config(options, mugs)
+        with run.claim(config, FREE_KEYS, again=lambda record: record.failed_to_run):
+            keep_grasps(Path(scratch), folder)
+            asked = run_claimed(run, options, config, mugs.source, console, started)
     print_report(console, asked, run_title(config))
     console.print(f"results: {folder / 'index.html'}")
     errors = [record.reason for record in asked if record.failed_to_run]
@@ -243,13 +250,36 @@ def main(options: MugHangOptions) -> Path:
     return folder
 
 
-def require_working_mugs(
-    options: MugHangOptions, folder: Path, spec: TrialSpec, console: Console
-) -> None:
-    """Check the user's own mugs, where the run is of such."""
-    source, with_grasps = MugSource(options.mugs), options.detector == "oracle"
-    if source.folder is not None:
-        check_mugs(source, folder, with_grasps, spec.station, options.workers, console)
+def run_claimed(
+    run: RunFolder[TrialRecord],
+    options: MugHangOptions,
+    config: dict[str, Any],
+    mugs: MugSource,
+    console: Console,
+    started: float,
+) -> list[TrialRecord]:
+    """Run what is missing of the trials in a claimed folder, report, and return what was asked."""
+    folder = run.path
+    before_s = earlier_wall_s(folder)
+    write_atomically(folder / "station.yaml", station_to_yaml(asked_station(options)))
+    specs = specs_of(options, folder, {record.index for record in run.records()}, mugs)
+    try:
+        run_missing(run, specs, options, console)
+    finally:
+        run.require_unchanged()
+        asked = asked_records(options, run.records())
+        write_report(folder, asked, config, before_s + time.monotonic() - started)
+    return asked
+
+
+def find_usable_mugs(
+    options: MugHangOptions, folder: Path, scratch: Path, console: Console
+) -> UsableMugs:
+    """Return which of the user's own mugs can be simulated; their true grasps go to `scratch`."""
+    station = station_of(options.detector, options.checkpoint)
+    with_grasps = scratch if options.detector == "oracle" else None
+    trial = MugCheck(station, with_grasps, folder)
+    return usable_mugs(MugSource(options.mugs), options.workers, console, trial)
 
 
 def asked_records(options: MugHangOptions, records: Sequence[TrialRecord]) -> list[TrialRecord]:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Literal
 
 from rich.console import Console
@@ -21,6 +22,7 @@ from planning.problem import PlanningProblem
 from planning.problem_files import compact, save_problems
 from planning.subgoal import find_subgoal
 from scenarios.trials.detectors import require_working_detector, station_of
+from scenarios.trials.mug_check import MugCheck
 from scenarios.trials.mug_tasks import MUG_TASK_NAMES, MugTaskName
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.setup import TrialGenerators, set_up
@@ -30,6 +32,7 @@ from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.run import NoResultsError
 from split_drake.objects.scanned.mug_source import MugSource
+from split_drake.objects.scanned.usable import usable_mugs
 from split_drake.pose_task import GRASP
 from split_drake.scene import MAX_NOISE_M, EmptySceneError
 from split_drake.truth.starts import NoStartError
@@ -50,7 +53,8 @@ class RecordOptions:
         seed: of the first trials; every task and detector in turn gets the same seeds.
         tasks: subgoals that problems are recorded for.
         detectors: that pose sets come from.
-        mugs: shapes that the model was tested on, or those it was trained on.
+        mugs: "test", shapes unlike those the model was trained on, "train", or a folder of meshes,
+            of which those that `python -m scenarios.check_meshes` refuses are left out.
         station: a YAML file of where cameras, table and hook stand, see
             split_drake/station/file/station_file.py; the usual station where not given.
         noise_m: standard deviation of the noise on the sampled points.
@@ -63,7 +67,7 @@ class RecordOptions:
     seed: int = 0
     tasks: tuple[MugTaskName, ...] = MUG_TASK_NAMES
     detectors: tuple[Literal["split", "oracle"], ...] = ("split", "oracle")
-    mugs: Literal["test", "train"] = "test"
+    mugs: str = "test"
     station: Path | None = None
     noise_m: float = 0.005
     checkpoint: Path | None = None
@@ -87,6 +91,7 @@ class RecordOptions:
         )
         if self.workers < 1:
             raise ValueError(f"--workers is {self.workers}; expected at least 1")
+        MugSource(self.mugs)
 
 
 @dataclass(frozen=True)
@@ -106,8 +111,14 @@ class Recorded:
     reason: str = ""
 
 
-def specs_of(options: RecordOptions) -> list[TrialSpec]:
-    """Return the trials whose starts are recorded."""
+def specs_of(
+    options: RecordOptions, mugs: MugSource | None = None, grasps: Path | None = None
+) -> list[TrialSpec]:
+    """Return the trials whose starts are recorded.
+
+    They are with `mugs`, or with all that the options name; true grasps of the user's own mugs lie
+    in the folder `grasps`.
+    """
     kinds = list(product(options.detectors, options.tasks))
     specs = []
     for index in range(options.count):
@@ -116,14 +127,14 @@ def specs_of(options: RecordOptions) -> list[TrialSpec]:
             TrialSpec(
                 index=index,
                 seed=options.seed + index // len(kinds),
-                mugs=MugSource(options.mugs),
+                mugs=mugs or MugSource(options.mugs),
                 task=find_subgoal(task),
                 detector=detector,
                 planner="default",
                 checkpoint=options.checkpoint,
                 noise_m=options.noise_m,
                 record="none",
-                folder=options.out.parent,
+                folder=grasps or options.out.parent,
                 station=station_of(detector, options.checkpoint, options.station),
             )
         )
@@ -132,7 +143,8 @@ def specs_of(options: RecordOptions) -> list[TrialSpec]:
 
 def record_problem(spec: TrialSpec) -> Recorded:
     """Return the problem that a trial's planner is asked first, made compact."""
-    name = f"{spec.task}-{spec.detector}-{spec.mugs.where}-{spec.seed}"
+    mugs = spec.mugs.where if spec.mugs.folder is None else spec.mugs.folder.resolve().name
+    name = f"{spec.task}-{spec.detector}-{mugs}-{spec.seed}"
     rngs = TrialGenerators.of(spec.seed)
     try:
         setup = set_up(spec, rngs)
@@ -161,7 +173,12 @@ def main(options: RecordOptions) -> Path:
     console = Console()
     for detector, task in product(options.detectors, options.tasks):
         require_working_detector(detector, options.checkpoint, find_subgoal(task))
-    found = record(specs_of(options), options.workers, console)
+    station = station_of(options.detectors[0], options.checkpoint)
+    with TemporaryDirectory() as scratch:
+        grasps = Path(scratch)
+        trial = MugCheck(station, grasps if "oracle" in options.detectors else None, grasps)
+        mugs = usable_mugs(MugSource(options.mugs), options.workers, console, trial).source
+        found = record(specs_of(options, mugs, grasps), options.workers, console)
     for recorded in found:
         if recorded.problem is None:
             console.print(f"{recorded.name}: left out: {recorded.reason}")

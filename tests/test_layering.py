@@ -19,6 +19,7 @@ ROOMS = (
     "split_drake.experiments",
     "split_drake.sensing",
     "split_drake.objects",
+    "split_drake.objects.meshes",
     "split_drake.objects.mugs",
     "split_drake.objects.scanned",
     "split_drake.objects.procedural",

@@ -30,9 +30,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.console import Console
 from rich.progress import track
 
-from split_drake.bad_input import require_numbers
+from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.data.dataset import FORMAT_VERSION, MANIFEST, read_shard, write_shard
 from split_drake.data.grasp_candidates import GraspCandidates
 from split_drake.data.labels import FixedPoses, PoseLabels, PoseState
@@ -46,8 +47,8 @@ from split_drake.experiments.provenance import combined_sha256, file_sha256, qua
 from split_drake.experiments.run import claim_folder
 from split_drake.files import write_json
 from split_drake.grasps.store import load_checked_grasps, store_path
-from split_drake.objects.mugs.split import Split, mugs_sha256
 from split_drake.objects.scanned.mug_source import MugSource
+from split_drake.objects.scanned.usable import usable_mugs
 from split_drake.objects.task_object import ObjectSource, TaskObject
 from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
 from split_drake.station.layout import Layout
@@ -122,7 +123,8 @@ class GenerateConfig:
 
     Attributes:
         out: folder of the dataset.
-        mugs: split to take the shapes from.
+        mugs: "train", "test", or a folder of meshes whose rests and grasps have been made: by
+            `split_drake.data.rests` and `split_drake.grasps.check_grasps`, with the same folder.
         scenes_per_mug: how many scenes of each shape.
         seed: of all draws, together with the mug's number.
         randomization: what varies from scene to scene.
@@ -130,7 +132,7 @@ class GenerateConfig:
     """
 
     out: Path
-    mugs: Split = "train"
+    mugs: str = "train"
     scenes_per_mug: int = 150
     seed: int = 0
     randomization: DomainRandomization = field(default_factory=DomainRandomization)
@@ -141,11 +143,16 @@ class GenerateConfig:
         for name in ("scenes_per_mug", "workers"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")
+        MugSource(self.mugs)
 
     def recipe(self, layout: Layout) -> DatasetRecipe:
         """Return what the scenes are made of: mugs with grasps that were tried in physics."""
+        source = usable_mugs(MugSource(self.mugs), self.workers, Console()).source
+        made_from = source_hashes(self.mugs)
+        if source.left_out:
+            made_from["left_out"] = ", ".join(source.left_out)
         return DatasetRecipe(
-            source=MugSource(self.mugs),
+            source=source,
             tasks=MUG_TASKS,
             layout=layout,
             make_rests=partial(_mug_rests, self.mugs),
@@ -153,30 +160,36 @@ class GenerateConfig:
             randomization=self.randomization,
             scenes_per_object=self.scenes_per_mug,
             seed=self.seed,
-            made_from=source_hashes(self.mugs),
+            made_from=made_from,
         )
 
 
-def _mug_rests(split: Split, mug: TaskObject, _layout: Layout) -> Rests:
-    """Return the rests that ship, which know their table's top only."""
-    return load_rests(split, mug.name)
+def _mug_rests(mugs: str, mug: TaskObject, _layout: Layout) -> Rests:
+    """Return the rests that are kept, which know their table's top only."""
+    return load_rests(mugs, mug.name)
 
 
-def _mug_labels(
-    split: Split, mug: TaskObject, task: PoseTask, rng: np.random.Generator
-) -> PoseLabels:
+def _mug_labels(mugs: str, mug: TaskObject, task: PoseTask, rng: np.random.Generator) -> PoseLabels:
     if task == GRASP:
-        return GraspCandidates.from_checked(mug, load_checked_grasps(split, mug.name), rng)
+        return GraspCandidates.from_checked(mug, load_checked_grasps(mugs, mug.name), rng)
     return FixedPoses(mug.poses_of(task))
 
 
-def source_hashes(split: Split) -> dict[str, str]:
-    """Return the SHA-256 of each file that the scenes of a split are made from."""
-    return {
-        "mugs": mugs_sha256(split),
-        "grasps": file_sha256(store_path(split)),
-        "rests": file_sha256(rests_path(split)),
-    }
+def source_hashes(mugs: str) -> dict[str, str]:
+    """Return the SHA-256 of each file that the scenes of a split or a folder are made from.
+
+    Raises BadInputError where one is missing.
+    """
+    paths = {"grasps": store_path(mugs), "rests": rests_path(mugs)}
+    commands = {"grasps": "split_drake.grasps.check_grasps", "rests": "split_drake.data.rests"}
+    for kind, path in paths.items():
+        if not path.is_file():
+            raise BadInputError(
+                f"{path}, the {kind} of {mugs}, is missing; expected what "
+                f"python -m {commands[kind]} --mugs {mugs} writes"
+            )
+    hashes = {kind: file_sha256(path) for kind, path in paths.items()}
+    return {"mugs": MugSource(mugs).mugs_sha256(), **hashes}
 
 
 def generate_shard(recipe: DatasetRecipe, out: Path, name: str) -> None:

@@ -2,6 +2,7 @@
 
 ``python -m split_drake.data.rests`` writes ``models/mugs/rests_{train,test}.npz``, the rests of the
 fixed splits' mugs, so that scenes are drawn as trials start without simulating a drop for each.
+With ``--mugs DIR`` those of your own meshes go to ``datasets/mugs``.
 """
 
 import os
@@ -10,6 +11,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
 from rich.progress import track
 from scipy.spatial.transform import Rotation
 
@@ -17,9 +19,9 @@ from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.files import interpreting, read_npz, replacing
-from split_drake.models_folder import MODELS_FOLDER
-from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
 from split_drake.objects.rigid import RigidObject
+from split_drake.objects.scanned.mug_source import MugSource
+from split_drake.objects.scanned.usable import usable_mugs
 from split_drake.poses import Array
 from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
@@ -77,19 +79,21 @@ def settle(body: RigidObject, count: int, rng: np.random.Generator, config: Stat
     return Rests(np.stack(rests), dropped)
 
 
-def rests_path(split: Split) -> Path:
-    """Return where the split's rests are kept."""
-    return MODELS_FOLDER / "mugs" / f"rests_{split}.npz"
+def rests_path(mugs: str) -> Path:
+    """Return where the rests of a split's or a folder's mugs are kept."""
+    return MugSource(mugs).derived_path("rests")
 
 
 @lru_cache(maxsize=2)
-def _shipped(split: Split) -> dict[str, Rests]:
-    path = rests_path(split)
+def _kept(mugs: str) -> dict[str, Rests]:
+    path = rests_path(mugs)
     if not path.is_file():
-        raise RestsError(f"{path} is missing; python -m split_drake.data.rests makes it")
+        raise RestsError(
+            f"{path} is missing; python -m split_drake.data.rests --mugs {mugs} makes it"
+        )
     keys = ("names", "X_TOs", "dropped")
     arrays = read_npz(path, _WHAT, required=("mugs_sha256", *keys))
-    if (found := str(arrays["mugs_sha256"])) != (expected := mugs_sha256(split)):
+    if (found := str(arrays["mugs_sha256"])) != (expected := MugSource(mugs).mugs_sha256()):
         raise RestsError(
             f"{path} was made for mugs of SHA-256 {found[:12]}, but they have {expected[:12]}; "
             "python -m split_drake.data.rests makes it anew"
@@ -99,14 +103,14 @@ def _shipped(split: Split) -> dict[str, Rests]:
         return {str(name): Rests(X_TOs.astype(float), int(n)) for name, X_TOs, n in entries}
 
 
-def load_rests(split: Split, name: str) -> Rests:
-    """Return the rests of a split's mug `name`.
+def load_rests(mugs: str, name: str) -> Rests:
+    """Return the rests of the mug `name` of a split or a folder.
 
     Raises RestsError where there are none.
     """
-    rests = _shipped(split)
+    rests = _kept(mugs)
     if name not in rests:
-        raise RestsError(f"there are no rests of {name!r}; expected one of {split}'s mugs")
+        raise RestsError(f"there are no rests of {name!r}; expected one of {mugs}'s mugs")
     return rests[name]
 
 
@@ -115,12 +119,12 @@ class SettleConfig:
     """Which mugs to drop, and how often.
 
     Attributes:
-        mugs: their split.
+        mugs: "train", "test", or a folder of meshes.
         count: rests of each.
         workers: processes; the rests do not depend on them.
     """
 
-    mugs: Split = "train"
+    mugs: str = "train"
     count: int = 40
     workers: int = len(os.sched_getaffinity(0))
 
@@ -129,18 +133,20 @@ class SettleConfig:
         for name in ("count", "workers"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")
+        MugSource(self.mugs)
 
 
-def _settle_mug(count: int, layout: Layout, name: str) -> tuple[str, Rests]:
-    mug = load_mug(name)
+def _settle_mug(source: MugSource, count: int, layout: Layout, name: str) -> tuple[str, Rests]:
+    mug = source.load(name)
     rng = np.random.default_rng(mug.seed)
     return name, settle(mug.body, count, rng, StationConfig(layout))
 
 
 def settle_split(config: SettleConfig, layout: Layout) -> None:
-    """Write the rests of a split's mugs on the table of a layout."""
-    names = mug_names(config.mugs)
-    pool = WorkerPool(partial(_settle_mug, config.count, layout), config.workers)
+    """Write the rests of a split's or a folder's mugs on the table of a layout."""
+    source = usable_mugs(MugSource(config.mugs), config.workers, Console()).source
+    names = source.names()
+    pool = WorkerPool(partial(_settle_mug, source, config.count, layout), config.workers)
     found = dict(track(pool.run(names), "mugs", total=len(names)))
     rests = [found[name] for name in names]
     with replacing(rests_path(config.mugs)) as temporary:
@@ -148,7 +154,7 @@ def settle_split(config: SettleConfig, layout: Layout) -> None:
             temporary,
             allow_pickle=False,
             names=np.array(names),
-            mugs_sha256=np.array(mugs_sha256(config.mugs)),
+            mugs_sha256=np.array(source.mugs_sha256()),
             X_TOs=np.stack([r.X_TOs for r in rests]).astype(np.float32),
             dropped=np.array([r.dropped for r in rests]),
         )

@@ -6,7 +6,7 @@ counts as good, `evaluation` what is written.
 
 import os
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from split_drake.evaluation.summary import calibration_table, metrics_table, sub
 from split_drake.experiments.command import run_command
 from split_drake.experiments.provenance import UNKNOWN_COMMIT, file_sha256
 from split_drake.objects.scanned.mug_source import MugSource
+from split_drake.objects.scanned.usable import usable_mugs
 from split_drake.pose_task import PoseTask, UnknownTaskError
 from split_drake.split.checkpoint import (
     CheckpointInfo,
@@ -51,10 +52,11 @@ class MugEvalOptions(EvalOptions):
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")
         MugSource(self.mugs)
 
-    @property
+    @cached_property
     def source(self) -> MugSource:
-        """Where the mugs come from."""
-        return MugSource(self.mugs)
+        """Where the mugs come from; those of a folder that are of no use are told, once."""
+        workers = len(os.sched_getaffinity(0))
+        return usable_mugs(MugSource(self.mugs), workers, Console()).source
 
     def wanted(self) -> int:
         """Return how many scenes are wanted."""

@@ -156,5 +156,6 @@ class EvalMugs:
         return {
             "mugs": self.source.where,
             "mugs_sha256": self.source.sha256(),
+            **({"left_out": self.source.left_out} if self.source.left_out else {}),
             "workspace": asdict(self.layout.workspace),
         }

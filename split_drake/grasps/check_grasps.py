@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
 from rich.progress import track
 
 from split_drake.bad_input import require_numbers
@@ -21,8 +22,9 @@ from split_drake.grasps.free_hand import FreeHand
 from split_drake.grasps.judge import MIN_QUALITY, GraspJudge, opening_for
 from split_drake.grasps.sampling import antipodal_candidates, spread_evenly
 from split_drake.grasps.store import CheckedGrasps, read_store, store_path, write_store
-from split_drake.objects.mugs.split import Split, load_mug, mug_names, mugs_sha256
 from split_drake.objects.rigid import RigidObject
+from split_drake.objects.scanned.mug_source import MugSource
+from split_drake.objects.scanned.usable import usable_mugs
 from split_drake.poses import Array
 from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
@@ -43,13 +45,13 @@ class CheckConfig:
     """Which grasps to try.
 
     Attributes:
-        mugs: split whose mugs to grasp.
+        mugs: to grasp, "train", "test", or a folder of meshes.
         per_mug: grasps of each, at most WIDE + STEADY.
         out: folder for the outcomes of single mugs.
         workers: processes; the outcomes do not depend on them.
     """
 
-    mugs: Split = "train"
+    mugs: str = "train"
     per_mug: int = WIDE + STEADY
     out: Path = Path("datasets/grasp_checks")
     workers: int = len(os.sched_getaffinity(0))
@@ -58,6 +60,7 @@ class CheckConfig:
         require_numbers(self)
         if not 1 <= self.per_mug <= WIDE + STEADY:
             raise ValueError(f"per_mug is {self.per_mug}; expected 1 to {WIDE + STEADY}")
+        MugSource(self.mugs)
 
 
 def candidates(body: RigidObject, rng: np.random.Generator) -> tuple[Array, Array, Array]:
@@ -106,12 +109,17 @@ def _join(first: CheckedGrasps, second: CheckedGrasps) -> CheckedGrasps:
 
 
 def _part_path(config: CheckConfig, name: str) -> Path:
-    return config.out / f"{name}.npz"
+    source = MugSource(config.mugs)
+    if source.folder is None:
+        return config.out / f"{name}.npz"
+    # Mugs of different folders may share a name.
+    return config.out / source.derived_path("grasps").parent.name / f"{name}.npz"
 
 
 def check_mug(config: CheckConfig, station: StationConfig, name: str) -> str:
     """Try what is missing of one mug, write its outcomes atomically, and return its name."""
-    path, sha256, mug = _part_path(config, name), mugs_sha256(config.mugs), load_mug(name)
+    source = MugSource(config.mugs)
+    path, sha256, mug = _part_path(config, name), source.mugs_sha256(), source.load(name)
     before = read_store(path, sha256)[name] if path.exists() else None
     known = 0 if before is None else len(before)
     rng = np.random.default_rng(mug.seed)
@@ -122,9 +130,10 @@ def check_mug(config: CheckConfig, station: StationConfig, name: str) -> str:
 
 
 def check_split(config: CheckConfig, station: StationConfig) -> None:
-    """Try what is missing of all mugs, then write the split's store."""
+    """Try what is missing of all mugs, then write their store."""
     config.out.mkdir(parents=True, exist_ok=True)
-    names, sha256 = mug_names(config.mugs), mugs_sha256(config.mugs)
+    source = usable_mugs(MugSource(config.mugs), config.workers, Console()).source
+    names, sha256 = source.names(), source.mugs_sha256()
     pool = WorkerPool(partial(check_mug, config, station), config.workers)
     for _ in track(pool.run(names), "mugs", total=len(names)):
         pass

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from split_drake.bad_input import BadInputError
 from split_drake.files import interpreting, read_npz, replacing, split_rows
 from split_drake.grasps.free_hand import MAX_SLIP_M, MAX_TURN_RAD
-from split_drake.models_folder import MODELS_FOLDER
-from split_drake.objects.mugs.split import Split, mugs_sha256
+from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.poses import Array
 
 _WHAT = "a store of checked grasps"
@@ -69,9 +68,9 @@ class CheckedGrasps:
         return type(self)(**doubled)
 
 
-def store_path(split: Split) -> Path:
-    """Return where the split's grasps are kept."""
-    return MODELS_FOLDER / "mugs" / f"grasps_{split}.npz"
+def store_path(mugs: str) -> Path:
+    """Return where the grasps of a split's or a folder's mugs are kept."""
+    return MugSource(mugs).derived_path("grasps")
 
 
 def write_store(path: Path, grasps: dict[str, CheckedGrasps], sha256: str) -> None:
@@ -124,16 +123,16 @@ def _as_read(array: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=2)
-def _shipped(split: Split) -> dict[str, CheckedGrasps]:
-    return read_store(store_path(split), mugs_sha256(split))
+def _kept(mugs: str) -> dict[str, CheckedGrasps]:
+    return read_store(store_path(mugs), MugSource(mugs).mugs_sha256())
 
 
-def load_checked_grasps(split: Split, name: str) -> CheckedGrasps:
-    """Return the checked grasps of a split's mug `name`.
+def load_checked_grasps(mugs: str, name: str) -> CheckedGrasps:
+    """Return the checked grasps of the mug `name` of a split or a folder.
 
     Raises GraspStoreError where there are none.
     """
-    grasps = _shipped(split)
+    grasps = _kept(mugs)
     if name not in grasps:
-        raise GraspStoreError(f"no grasps of {name!r} were checked; expected one of {split}'s mugs")
+        raise GraspStoreError(f"no grasps of {name!r} were checked; expected one of {mugs}'s mugs")
     return grasps[name]

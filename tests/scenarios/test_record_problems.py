@@ -14,6 +14,8 @@ from planning.problem_files import SHIPPED_PROBLEMS, load_problems, save_problem
 from scenarios.making import grow_regions
 from scenarios.making.grow_regions import GrowOptions
 from scenarios.record_problems import MAX_POSES, RecordOptions, main, record_problem, specs_of
+from split_drake.bad_input import BadInputError
+from split_drake.objects.mugs.split import load_mug
 from split_drake.poses import make_pose
 from split_drake.robot.posture import Q_HOME
 from split_drake.station.layout import Layout
@@ -38,6 +40,20 @@ def test_tasks_take_turns_and_the_same_seed_gives_the_same_problem(file: Path) -
     np.testing.assert_allclose(found[HANG_PROBLEM].p_WPs, again.p_WPs, atol=1e-4)
     assert len(found[HANG_PROBLEM].pose_sets["grasp"]) <= MAX_POSES["grasp"]
     np.testing.assert_allclose(again.q_start, Q_HOME, atol=0.01)
+
+
+def test_problems_of_own_mugs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    load_mug("test_004").body.mesh.export(folder / "cup.stl")
+    (folder / "broken.stl").write_text("solid")
+    out = tmp_path / "problems" / "p.npz"
+    main(RecordOptions(1, detectors=("oracle",), mugs=str(folder), workers=1, out=out))
+    assert list(load_problems(out)) == ["hang-oracle-mine-0"]
+    assert capsys.readouterr().out.count("left out: ") == 1
+    assert list(out.parent.iterdir()) == [out]
+    with pytest.raises(BadInputError, match=r"'nowhere'.*folder of mesh files"):
+        RecordOptions(mugs="nowhere")
 
 
 def test_regions_grow_from_plans(file: Path, tmp_path: Path) -> None:

@@ -12,12 +12,12 @@ import trimesh
 from split_drake.bad_input import require_numbers
 from split_drake.experiments.provenance import combined_sha256, file_sha256
 from split_drake.objects.convex_pieces import pieces_that_rest
-from split_drake.objects.files.decomposition import convex_hulls, convex_parts
-from split_drake.objects.files.mesh_file import SUFFIXES, ObjectFileError, read_mesh, tidied
 from split_drake.objects.files.urdf import Inertial, UrdfBody, read_urdf
+from split_drake.objects.meshes.decomposition import convex_hulls, convex_parts
+from split_drake.objects.meshes.mass import is_closed, mass_properties
+from split_drake.objects.meshes.mesh_file import SUFFIXES, ObjectFileError, read_mesh, tidied
 from split_drake.objects.procedural.shape import hull, union
 from split_drake.objects.rigid import RigidObject
-from split_drake.objects.scanned.mass import is_closed, mass_properties
 from split_drake.objects.task_object import TaskObject
 from split_drake.poses import Array
 

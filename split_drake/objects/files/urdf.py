@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from split_drake.objects.files.mesh_file import ObjectFileError, read_mesh
+from split_drake.objects.meshes.mesh_file import ObjectFileError, read_mesh
 from split_drake.poses import Array, make_pose
 
 

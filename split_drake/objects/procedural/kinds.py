@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 
 from split_drake.objects.convex_pieces import pieces_that_rest
+from split_drake.objects.meshes.mass import mass_properties
 from split_drake.objects.procedural.shape import Shape, moved
 from split_drake.objects.rigid import RigidObject
-from split_drake.objects.scanned.mass import mass_properties
 from split_drake.poses import make_pose
 
 Trait = Literal["hollow", "flat", "long", "round", "composed"]

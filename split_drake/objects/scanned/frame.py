@@ -55,6 +55,8 @@ def find_frame(mesh: trimesh.Trimesh) -> Array:
     for _ in range(2):
         p_Axis = _roundest_axis(caster, p_Axis, heights, azimuths)
     radii = outer_radii(caster, p_Axis, heights, azimuths)
+    radii = radii[np.isfinite(radii).any(axis=1)]
+    _check_met(radii, azimuths)
     _check_round(radii)
     azimuth = _handle_azimuth(radii, azimuths)
     return make_pose(rotation_z(azimuth), (*p_Axis, lower[2]))
@@ -72,6 +74,9 @@ def _roundest_axis(
 ) -> Array:
     """Return (x, y) of the axis about which sections are roundest, whatever sticks out of them."""
     radii = outer_radii(caster, p_Axis, heights_m, azimuths_rad)
+    # Levels that no ray meets say nothing.
+    radii = radii[np.isfinite(radii).any(axis=1)]
+    _check_met(radii, azimuths_rad)
     outward = np.stack([np.cos(azimuths_rad), np.sin(azimuths_rad)], axis=-1)
     points = p_Axis + radii[..., None] * outward
 
@@ -88,6 +93,16 @@ def _excess(radii: Array) -> Array:
     return np.nan_to_num(radii - np.nanmedian(radii, axis=1, keepdims=True))
 
 
+def _check_met(radii: Array, azimuths_rad: Array) -> None:
+    """Raise InvalidMugError where rays hardly meet anything."""
+    if radii.size < _HEIGHTS * len(azimuths_rad) * (1.0 - MAX_MISSING):
+        levels = len(radii) / _HEIGHTS
+        raise InvalidMugError(
+            f"open body: rays from the sides meet it at {levels:.0%} of its heights, expected at "
+            f"least {1.0 - MAX_MISSING:.0%}"
+        )
+
+
 def _check_round(radii: Array) -> None:
     share = float(np.median(np.abs(_excess(radii))) / np.nanmedian(radii))
     if share > MAX_OUT_OF_ROUND:
@@ -96,7 +111,10 @@ def _check_round(radii: Array) -> None:
             f"expected at most {MAX_OUT_OF_ROUND:.0%} of a mug with z up"
         )
     if np.isnan(radii).mean() > MAX_MISSING:
-        raise InvalidMugError(f"open body: {np.isnan(radii).mean():.0%} of its sides are missing")
+        raise InvalidMugError(
+            f"open body: {np.isnan(radii).mean():.0%} of its sides are missing, expected at most "
+            f"{MAX_MISSING:.0%}"
+        )
 
 
 def _handle_azimuth(radii: Array, azimuths_rad: Array) -> float:

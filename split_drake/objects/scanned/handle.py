@@ -18,12 +18,20 @@ from split_drake.poses import Array
 # A peg of 6 mm radius through the middle of an opening wants this much room around its axis.
 PEG_ROOM_M = 0.007
 
+# This share of the rays from an opening's middle may leave through gaps.
+MAX_OPENING_GAPS = 0.25
+# Thinner grips would slip between what represents them.
+MIN_GRIP_M = 0.002
+
 CELL_M = 0.0005
 _MARGIN_M = 0.005
 _FAR_M = 0.3
 # CAD models have vertices in the plane y = 0; rays beside it don't slip between their triangles.
 _ASIDE_M = 1e-5
 _OUTLINE_RAYS = 240
+# Of so many rays side by side most meet the handle; those that go this much farther did not.
+_GAP_RAYS = 31
+_BEHIND_M = 0.003
 _SWEEP_STEP_RAD = np.radians(2.0)
 
 
@@ -71,8 +79,8 @@ class Grip:
     upper_y_m: Array
 
 
-def see_through(mesh: trimesh.Trimesh) -> Silhouette:
-    """Return the silhouette of a mug's mesh, given in O.
+def see_through(mesh: trimesh.Trimesh, body_radius_m: float = 0.0) -> Silhouette:
+    """Return the silhouette of a mug's mesh, given in O; openings nearer to z than a radius aside.
 
     Raises InvalidMugError where it has not exactly one opening that a peg could pass.
     """
@@ -86,10 +94,14 @@ def see_through(mesh: trimesh.Trimesh) -> Silhouette:
     outside = regions == regions[0, -1]
     sizes = np.bincount(regions[~outside])
     sizes[0] = 0
+    # What one sees through the body, by gaps on both sides, is no handle's.
+    middles = ndimage.mean(cells[..., 0], regions, np.arange(len(sizes)))
+    sizes[middles < body_radius_m] = 0
     openings = np.flatnonzero(sizes * CELL_M**2 > np.pi * PEG_ROOM_M**2)
     if len(openings) != 1:
         raise InvalidMugError(
-            f"no single opening: seen from the side, {len(openings)} are wide enough for a peg"
+            f"no single opening: seen from the side, {len(openings)} are wide enough for a peg, "
+            "expected one"
         )
     return Silhouette(lower, regions == openings[0], outside)
 
@@ -111,14 +123,28 @@ def cast_outline(mesh: trimesh.Trimesh, p_OMiddle: Array) -> Array:
     angle = np.linspace(0.0, 2.0 * np.pi, _OUTLINE_RAYS, endpoint=False)
     rays = np.column_stack([np.cos(angle), np.zeros_like(angle), np.sin(angle)])
     start = np.array([p_OMiddle[0], _ASIDE_M, p_OMiddle[1]])
-    distances, _ = RayCaster(mesh).cast(start, rays)
-    if np.isinf(distances).any():
+    distances = RayCaster(mesh).cast(start, rays)[0].astype(float)
+    missed = float(np.isinf(distances).mean())
+    if missed > MAX_OPENING_GAPS:
         raise InvalidMugError(
-            f"open handle: {np.isinf(distances).mean():.0%} of the rays from the middle of its "
-            "opening leave through it"
+            f"open handle: {missed:.0%} of the rays from the middle of its opening leave through "
+            f"it, expected at most {MAX_OPENING_GAPS:.0%}"
         )
+    if missed > 0.0:
+        distances = _without_gaps(distances)
     outline = start * (1.0, 0.0, 1.0) + distances[:, None] * rays
     return np.vstack([outline, outline[:1]])
+
+
+def _without_gaps(distances: Array) -> Array:
+    """Return (N,) distances of a fan of rays, those that went through gaps as their neighbours.
+
+    Where some left through gaps (inf), others met what lies behind one.
+    """
+    number, met = np.arange(len(distances)), np.isfinite(distances)
+    filled = np.interp(number, number[met], distances[met], period=len(number))
+    usual = ndimage.median_filter(filled, _GAP_RAYS, mode="wrap")
+    return np.where(filled > usual + _BEHIND_M, usual, filled)
 
 
 def measure_grip(mesh: trimesh.Trimesh, silhouette: Silhouette, profile: BodyProfile) -> Grip:
@@ -138,9 +164,17 @@ def measure_grip(mesh: trimesh.Trimesh, silhouette: Silhouette, profile: BodyPro
     # Both distances end at cells' middles, half a cell beyond the edge.
     thickness = ndimage.map_coordinates(to_opening + to_outside, at, order=1) - CELL_M
     caster = RayCaster(mesh)
-    lower = _along_y(caster, path, 1.0) - _FAR_M
-    upper = _FAR_M - _along_y(caster, path, -1.0)
-    return Grip(path, thickness, lower, upper)
+    from_below, from_above = (_along_y(caster, path, sign) for sign in (1.0, -1.0))
+    met = np.isfinite(from_below) & np.isfinite(from_above)
+    if met.sum() < 2:
+        raise InvalidMugError(
+            f"open handle: rays meet {met.sum()} of its {len(met)} cross-sections, expected 2"
+        )
+    lower, upper = from_below[met] - _FAR_M, _FAR_M - from_above[met]
+    # Through a gap one meets the other side, and a sheet is as thin as it is drawn.
+    thickness = np.maximum(thickness[met], MIN_GRIP_M)
+    middle, half = (lower + upper) / 2.0, np.maximum((upper - lower) / 2.0, MIN_GRIP_M / 2.0)
+    return Grip(path[met], thickness, middle - half, middle + half)
 
 
 def _centerline(excess_m: Array, silhouette: Silhouette) -> Array:

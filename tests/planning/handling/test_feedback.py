@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planning.problem import Stage
+from planning.problem import SegmentName, Stage
 from scenarios.mug_hang import MugHangOptions, specs_of
 from scenarios.trials import perception
 from scenarios.trials.detectors import make_detector

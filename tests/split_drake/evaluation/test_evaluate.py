@@ -102,12 +102,12 @@ def test_a_question_is_about_all_but_how_many_scenes_there_are() -> None:
 
 
 def test_other_meshes_are_told_apart(tmp_path: Path) -> None:
-    options = MugEvalOptions(mugs=str(tmp_path))
+    source = MugSource(str(tmp_path))
     trimesh.creation.box().export(tmp_path / "one.stl")
-    before = options.source.sha256()
-    assert before == options.source.sha256()
+    before = source.sha256()
+    assert before == source.sha256()
     trimesh.creation.icosphere().export(tmp_path / "one.stl")
-    assert options.source.sha256() != before
+    assert source.sha256() != before
 
 
 def info(commit: str = "c0ffee", earlier_commits: tuple[str, ...] = ()) -> CheckpointInfo:

@@ -11,12 +11,13 @@ from rich.console import Console
 
 from planning.goals.hang import SUBGOAL as HANG
 from scenarios.mug_hang import MugHangOptions, main, run_config, specs_of
-from scenarios.trials.mug_check import check_mugs, read_grasps
+from scenarios.trials.mug_check import MugCheck, read_grasps
 from scenarios.trials.records import trial_run
 from split_drake.experiments.provenance import file_sha256
 from split_drake.objects.mug_shape import InvalidMugError
 from split_drake.objects.mugs.split import load_mug
 from split_drake.objects.scanned.mug_source import MugSource
+from split_drake.objects.scanned.usable import usable_mugs
 from split_drake.poses import make_pose, rotation_z
 from tests.helpers.stations import STATION
 
@@ -50,28 +51,49 @@ def test_a_mug_may_be_made_heavier(folder: Path, tmp_path: Path) -> None:
     assert spec.task == HANG
 
 
-def test_what_is_no_mug_is_refused_before_any_trial(folder: Path, tmp_path: Path) -> None:
-    mixed = tmp_path / "mixed"
-    mixed.mkdir()
-    load_mug("test_004").body.mesh.export(mixed / "good.stl")
-    trimesh.creation.box((0.08, 0.08, 0.1)).export(mixed / "brick.stl")
-    (mixed / "blank.obj").write_text("")
-    out = tmp_path / "out"
+def damaged_folder(folder: Path) -> Path:
+    """Return a folder of a brick and of an empty file."""
+    folder.mkdir()
+    trimesh.creation.box((0.08, 0.08, 0.1)).export(folder / "brick.stl")
+    (folder / "blank.obj").write_text("")
+    return folder
+
+
+def test_a_run_without_a_usable_mug_ends_before_any_trial(tmp_path: Path) -> None:
+    bad, out = damaged_folder(tmp_path / "bad"), tmp_path / "out"
     with pytest.raises(InvalidMugError) as caught:
-        main(MugHangOptions(mugs=str(mixed), detector="oracle", workers=1, out=out))
+        main(MugHangOptions(mugs=str(bad), detector="oracle", workers=1, out=out))
     faults = str(caught.value).splitlines()[1:]
     assert len(faults) == 2
-    assert "blank.obj: empty file" in faults[0]
+    assert "blank.obj is an empty file" in faults[0]
     assert "brick.stl: no upright round body" in faults[1]
     assert not trial_run(out).records()
 
 
+def test_a_bad_mesh_costs_one_line(tmp_path: Path) -> None:
+    bad = damaged_folder(tmp_path / "mixed")
+    load_mug("test_004").body.mesh.export(bad / "good.stl")
+    console = Console(width=40)
+    with console.capture() as told:
+        found = usable_mugs(MugSource(str(bad)), 1, console)
+    lines = [line for line in told.get().splitlines() if "left out" in line]
+    assert len(lines) == len(found.refused) == 2
+    assert "brick.stl: no upright round body" in lines[1]
+    assert found.source.names() == ("good",)
+    assert set(MugSource(str(bad)).names()) == {"good", "brick", "blank"}
+    options = MugHangOptions(mugs=str(bad))
+    config = run_config(options, found)
+    assert list(config["refused_meshes"]) == ["blank", "brick"]
+    assert list(config["mesh_sha256"]) == ["good"]
+    (spec, *_) = specs_of(options, tmp_path, (), found.source)
+    assert spec.mug_names() == ("good",)
+
+
 def test_bodies_that_the_station_has_already_are_refused(tmp_path: Path) -> None:
     load_mug("test_004").body.mesh.export(tmp_path / "table.stl")
+    trial = MugCheck(STATION, None, tmp_path / "out")
     with pytest.raises(InvalidMugError, match=r"table.*expected one that is not taken"):
-        check_mugs(
-            MugSource(str(tmp_path)), tmp_path / "out", False, STATION, 1, Console(quiet=True)
-        )
+        usable_mugs(MugSource(str(tmp_path)), 1, Console(quiet=True), trial)
 
 
 def test_a_trial_with_a_mug_from_a_file(folder: Path, tmp_path: Path) -> None:

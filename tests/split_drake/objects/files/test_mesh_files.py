@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from split_drake.objects.files.mesh_file import SUFFIXES, ObjectFileError, read_mesh, tidied
+from split_drake.objects.meshes.mesh_file import SUFFIXES, ObjectFileError, read_mesh, tidied
 
 CUBE = trimesh.creation.box((0.04, 0.05, 0.06))
 

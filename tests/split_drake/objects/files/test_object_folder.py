@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from split_drake.objects.files.decomposition import SETTINGS, convex_hulls, convex_parts
 from split_drake.objects.files.folder import ObjectFolder, inspect_folder
-from split_drake.objects.files.mesh_file import ObjectFileError
+from split_drake.objects.meshes.decomposition import SETTINGS, convex_hulls, convex_parts
+from split_drake.objects.meshes.mesh_file import ObjectFileError
 from split_drake.objects.piece_fidelity import measure_fidelity
 from split_drake.objects.procedural.prisms import extruded
 from split_drake.objects.procedural.revolved import turned

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from split_drake.objects.files.mesh_file import ObjectFileError
 from split_drake.objects.files.urdf import Inertial, read_urdf
+from split_drake.objects.meshes.mesh_file import ObjectFileError
 
 CUBE = trimesh.creation.box((0.04, 0.05, 0.06))
 MESH = '<{role}>{origin}<geometry><mesh filename="cube.obj"{scale}/></geometry></{role}>'

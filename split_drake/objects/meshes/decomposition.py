@@ -13,8 +13,8 @@ import numpy as np
 import trimesh
 
 from split_drake.files import read_npz, replacing, split_rows
-from split_drake.objects.files.mesh_file import ObjectFileError, tidied
-from split_drake.objects.scanned.mass import is_closed
+from split_drake.objects.meshes.mass import is_closed
+from split_drake.objects.meshes.mesh_file import ObjectFileError, tidied
 from split_drake.poses import Array
 
 # CoACD's concavity, here in metres, at which a piece is convex enough; a coarse search does.

@@ -1,0 +1,1 @@
+"""Meshes of any kind: read from files, weighed, and cut into convex pieces."""
