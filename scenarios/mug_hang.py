@@ -276,7 +276,7 @@ def find_usable_mugs(
     options: MugHangOptions, folder: Path, scratch: Path, console: Console
 ) -> UsableMugs:
     """Return which of the user's own mugs can be simulated; their true grasps go to `scratch`."""
-    station = station_of(options.detector, options.checkpoint)
+    station = asked_station(options)
     with_grasps = scratch if options.detector == "oracle" else None
     trial = MugCheck(station, with_grasps, folder)
     return usable_mugs(MugSource(options.mugs), options.workers, console, trial)
