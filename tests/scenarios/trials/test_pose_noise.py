@@ -14,7 +14,8 @@ from split_drake.scene import Scene, Workspace
 
 X_WP = make_pose(rotation_x(1.0), (0.5, 0.1, 0.2))
 POSES = PoseSet(GRASP, np.tile(X_WP, (4000, 1, 1)), np.linspace(1.0, 0.0, 4000))
-SCENE = Scene(np.zeros((1, 3)), np.zeros((2000, 3)), Workspace())
+POINT = np.array([[0.5, 0.0, 0.1]])
+SCENE = Scene(POINT, POINT, Workspace())
 
 
 class Known:
