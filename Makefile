@@ -42,5 +42,5 @@ test: setup
 	@OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist loadfile
 
 mug_hang: setup
-	@echo "40 trials, 2 to 4 minutes on two cores"
+	@echo "40 trials, 2 to 6 minutes on two cores"
 	@$(BIN)/python -m scenarios.mug_hang --trials 40
