@@ -13,7 +13,12 @@ from typing import Any
 import numpy as np
 
 from split_drake.bad_input import require_numbers
-from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScene, ClutterScenes
+from split_drake.data.clutter.scenes import (
+    LABEL_VERSION,
+    ClutterRecipe,
+    ClutterScene,
+    ClutterScenes,
+)
 from split_drake.data.clutter.sizes import clutter_source
 from split_drake.data.clutter.views import merged_mesh
 from split_drake.experiments.provenance import file_sha256
@@ -72,6 +77,7 @@ class JudgeClutterConfig:
         return {
             "checkpoint": file_sha256(self.checkpoint),
             "library": file_sha256(self.library),
+            "label_version": LABEL_VERSION,
             "langevin": asdict(CLUTTER_SAMPLER.langevin),
             "scenes_per_shard": self.scenes_per_shard,
             "samples": self.samples,

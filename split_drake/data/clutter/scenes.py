@@ -24,7 +24,7 @@ from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
 from split_drake.station.layout_file import layout_to_fields
 
-LABEL_VERSION = 3
+LABEL_VERSION = 4
 PILE_SHARE = 0.5
 # Objects in a scene at most.
 MOST_OBJECTS = 6
