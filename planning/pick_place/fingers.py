@@ -14,6 +14,8 @@ from split_drake.robot.gripper import MAX_OPENING_M, PAD_SIZE_M, finger_boxes
 ENOUGH_CLEARANCE_M = 0.010
 # Fingers open this close to the object when they let go: an object that swings needs the room.
 RELEASE_CLEARANCE_M = 0.004
+# Less room than this is none: the cloud is some millimetres off.
+MIN_CLEARANCE_M = 0.002
 OPENING_STEPS = 18
 # Limits of the corrections that square a grasp up and centre it.
 MAX_CENTERING_M = 0.005
@@ -46,6 +48,16 @@ class FingerFit:
     held_width_m: float
     pinch_depth_m: float
     stem_room_m: float
+
+    @property
+    def clears(self) -> bool:
+        """Whether some opening leaves room enough."""
+        return self.clearance_m >= MIN_CLEARANCE_M
+
+    @property
+    def pinches(self) -> bool:
+        """Whether a part of the object is between the pads."""
+        return self.pinch_depth_m > 0.0
 
 
 def settled(X_WG: Array, p_WPs: Array) -> Array:

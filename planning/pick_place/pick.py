@@ -19,7 +19,6 @@ from split_drake.robot.kinematics import gripper_pose
 
 APPROACHES_M = (APPROACH_M, 0.06)
 LIFTS_M = (0.10, 0.06)
-MIN_CLEARANCE_M = 0.002
 # A posture in the middle of the arm's range, over the workspace.
 Q_COMFORT = np.array([0.0, -0.3, 0.0, -2.2, 0.0, 2.0, np.pi / 4.0])
 # Configurations tried for one grasp.
@@ -79,8 +78,12 @@ class PickSearch:
 
     def find(self, X_WG: Array, fit: FingerFit, solutions: IkSolutions, index: int) -> Pick | None:
         """Return a pick at the grasp, whose solutions are number `index` of `solutions`."""
-        if fit.clearance_m < MIN_CLEARANCE_M:
+        if not fit.clears:
             self.rejected["no opening clears the object"] += 1
+            return None
+        # Of what a grasp pinches nothing may have been seen.
+        if not (fit.pinches or fit_fingers(X_WG, self._target.p_WSurface).pinches):
+            self.rejected["nothing between the pads"] += 1
             return None
         reason = "IK"
         for q in self._configurations(X_WG, solutions.of(index, Q_COMFORT)):

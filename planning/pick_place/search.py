@@ -93,7 +93,8 @@ class PickPlacePlanner:
         outcome = search.try_grasps(grasps, target.p_WDetails)
         if isinstance(outcome, Plan) or X_WU is None:
             return outcome
-        turned = search.try_grasps(turned_grasps(grasps, X_WU), target.p_WSurface)
+        more = turned_grasps(grasps, X_WU, target.p_WSurface, table_z_m)
+        turned = search.try_grasps(more, target.p_WSurface)
         counts = Counter(outcome.statistics)
         counts.update(turned.statistics)
         if isinstance(turned, Plan):

@@ -12,11 +12,10 @@ from planning.collision.world import CollisionWorld, Situation
 from planning.geometry.perceived import PerceivedObject
 from planning.geometry.waypoints import backed_off, shifted
 from planning.motion.ik import DrakeIk, solve_ik
-from planning.pick_place.fingers import FingerFit, fit_fingers
+from planning.pick_place.fingers import MIN_CLEARANCE_M, FingerFit, fit_fingers
 from planning.pick_place.pick import (
     APPROACHES_M,
     LIFTS_M,
-    MIN_CLEARANCE_M,
     Pick,
     PickSearch,
     balance,
@@ -79,6 +78,12 @@ def above_palm(height_m: float) -> Array:
     return in_hand((0.0, PALM.upper[1] - 0.005, PALM.lower[2] - height_m))
 
 
+def beside(distance_m: float) -> tuple[PickSearch, Array, FingerFit]:
+    """Return a search at a grasp that is so far above the wall that it should pinch."""
+    X_WBeside = shifted(X_WG, (0.0, 0.0, distance_m))
+    return search(), X_WBeside, fit_fingers(X_WBeside, CLOUD)
+
+
 @pytest.mark.parametrize(
     ("reason", "spoilt"),
     [
@@ -86,6 +91,7 @@ def above_palm(height_m: float) -> Array:
             "no opening clears the object",
             lambda: (search(), X_WG, replace(FIT, clearance_m=0.9 * MIN_CLEARANCE_M)),
         ),
+        ("nothing between the pads", lambda: beside(0.05)),
         ("IK", lambda: (search(), make_pose(p=(1.0, 0.0, 0.0)) @ X_WG, FIT)),
         ("collision at the grasp", lambda: (search(in_hand((0.0, 0.0, -0.06))), X_WG, FIT)),
         ("collision on the approach", lambda: (search(above_palm(0.025)), X_WG, FIT)),
