@@ -38,6 +38,8 @@ def turned_grasps(grasps: PoseSet, X_WU: Array, p_WSurface: Array, table_z_m: fl
     turned = PoseSet.ranked(grasps.task, np.concatenate(poses), np.concatenate(scores))
     above = turned.subset(lowest_heights(turned.X_WPs) > table_z_m)
     solved = solve_ik(with_half_turns(above.X_WPs)).pose_index
-    near = above.subset(np.isin(np.arange(2 * len(above)), solved).reshape(2, -1).any(axis=0))
+    reached = np.zeros(len(above), dtype=bool)
+    reached[solved % max(1, len(above))] = True
+    near = above.subset(reached)
     fits = [fit_fingers(settled(X_WG, p_WSurface), p_WSurface) for X_WG in near.X_WPs]
     return near.subset(np.array([fit.clears and fit.pinches for fit in fits], dtype=bool))
