@@ -48,6 +48,25 @@ def test_a_fragment_near_an_object_is_part_of_it() -> None:
     assert len(objects_in_view(np.concatenate([far, cloud]))) == 2
 
 
+@pytest.mark.parametrize(("beside_m", "objects"), [(0.0, 1), (0.006, 1), (0.012, 2)])
+def test_a_handle_below_what_hides_it_is_part_of_it(beside_m: float, objects: int) -> None:
+    body = np.add(box_cloud(LEFT, (0.08, 0.08, 0.06)), (0.0, 0.0, 0.045))
+    edge = LEFT[0] - 0.04 - beside_m
+    handle = box_cloud((edge - 0.015, LEFT[1]), (0.03, 0.05, 0.015))
+    assert len(objects_in_view(np.concatenate([body, handle]))) == objects
+    # As large as that, it is another object.
+    large = box_cloud((edge - 0.06, LEFT[1]), (0.12, 0.12, 0.015))
+    assert len(objects_in_view(np.concatenate([body, large]))) == 2
+
+
+def test_a_fragment_of_a_fragment_is_part_of_the_whole() -> None:
+    cloud = box_cloud(LEFT, (0.06, 0.06, 0.10))
+    handle = box_cloud((LEFT[0] - 0.055, LEFT[1]), (0.006, 0.012, 0.02))
+    tip = box_cloud((LEFT[0] - 0.085, LEFT[1]), (0.006, 0.012, 0.012))
+    assert len(objects_in_view(np.concatenate([cloud, tip]))) == 2
+    assert len(objects_in_view(np.concatenate([cloud, handle, tip]))) == 1
+
+
 def test_specks_and_flying_points_are_no_objects() -> None:
     dense = np.repeat(two_boxes(), 8, axis=0)
     between = np.linspace((*LEFT, 0.02), (*RIGHT, 0.02), 40)
