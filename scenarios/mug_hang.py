@@ -51,8 +51,9 @@ class MugHangOptions:
         seed: of the first trial.
         detector: SPLIT, or the true pose sets.
         task: hang (with a reorientation where no hanging plan exists), or reorient alone.
-        mugs: "test", shapes unlike those the model was trained on, "train", or a folder of meshes,
-            of which those that `python -m scenarios.check_meshes` refuses are left out.
+        mugs: "test", shapes unlike those the model was trained on, "thin", such with grips of 2 to
+            3 mm and walls of 1.5 to 13 mm, "train", or a folder of meshes, of which those that
+            `python -m scenarios.check_meshes` refuses are left out.
         planner: by name.
         checkpoint: weights of SPLIT; those that ship with the project where not given.
         noise_m: standard deviation of the noise on the sampled points.

@@ -75,7 +75,7 @@ def handle_path(parameters: MugParameters) -> Array:
     """Return (N, 2) x and z of O along the handle's centreline, from the lower to the upper root.
 
     A superellipse |x / reach|^n + |z / half span|^n = 1 that stands on the line between its roots,
-    which lie in the middle of the wall.
+    which lie in the middle of the wall, and rises with |x| by `handle_lift_m` at its furthest.
     """
     half_grip = parameters.grip_thickness_m / 2.0
     room = parameters.height_m - 2.0 * (half_grip + TABLE_GAP_M)
@@ -85,12 +85,13 @@ def handle_path(parameters: MugParameters) -> Array:
     angle = np.linspace(-np.pi / 2.0, np.pi / 2.0, 400)
     power = 2.0 / parameters.handle_power
     rise = np.sign(np.sin(angle)) * np.abs(np.sin(angle)) ** power
-    reach = parameters.handle_reach_m * np.abs(np.cos(angle)) ** power
+    out = np.abs(np.cos(angle)) ** power
+    reach = parameters.handle_reach_m * out
     reach *= 1.0 + parameters.handle_skew * rise
     z = z_center + half_span * rise
     roots = outer_radius_m(parameters, z[[0, -1]]) - parameters.wall_m / 2.0
     x = np.interp(z, z[[0, -1]], roots) + reach
-    return _resample(np.column_stack([x, z]), PATH_POINTS)
+    return _resample(np.column_stack([x, z + parameters.handle_lift_m * out]), PATH_POINTS)
 
 
 def _grip_ring(parameters: MugParameters) -> Array:

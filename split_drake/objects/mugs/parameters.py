@@ -1,5 +1,6 @@
 """The parametric family of mugs: what can vary, within which ranges, and the body's profile."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
@@ -28,6 +29,16 @@ RANGES: dict[str, tuple[float, float]] = {
     "grip_aspect": (1.0, 2.2),
     "mass_kg": (0.15, 0.40),
 }
+
+# Mugs that are harder to see and to hang: what a mug may be at all.
+WIDENED_RANGES = RANGES | {
+    "wall_m": (0.0015, 0.013),
+    "grip_thickness_m": (0.002, 0.012),
+    "handle_lift_m": (-0.02, 0.02),
+}
+
+# Those of them whose grips are thinnest.
+THIN_RANGES = WIDENED_RANGES | {"grip_thickness_m": (0.002, 0.003)}
 
 # Exponent of the handle's superellipse: 2 is an ellipse, a large one a rectangle.
 HANDLE_POWERS: dict[HandleShape, tuple[float, float]] = {
@@ -64,6 +75,8 @@ class MugParameters:
         grip_thickness_m: of the handle's cross-section, in the plane y = 0.
         grip_aspect: its width along y over its thickness, 1 or more.
         mass_kg: of the whole mug.
+        handle_lift_m: how far the handle's middle rises above a straight way out from its roots:
+            it may reach above the rim, or below the base.
 
     Raises ValueError where a name is unknown or a number leaves its range.
     """
@@ -83,13 +96,14 @@ class MugParameters:
     grip_thickness_m: float
     grip_aspect: float
     mass_kg: float
+    handle_lift_m: float = 0.0
 
     def __post_init__(self) -> None:
         if self.profile not in PROFILES:
             raise ValueError(f"profile is {self.profile!r}; expected one of {PROFILES}")
         if self.handle not in HANDLES:
             raise ValueError(f"handle is {self.handle!r}; expected one of {HANDLES}")
-        for name, (low, high) in RANGES.items():
+        for name, (low, high) in WIDENED_RANGES.items():
             value = getattr(self, name)
             if not low <= value <= high:
                 raise ValueError(f"{name} is {value}; expected {low} to {high}")
@@ -107,11 +121,17 @@ class MugParameters:
         return np.array(values)
 
 
-def sample_parameters(rng: np.random.Generator) -> MugParameters:
-    """Draw each parameter uniformly; the mug may turn out invalid (`build.build_mug` judges)."""
+def sample_parameters(
+    rng: np.random.Generator, ranges: Mapping[str, tuple[float, float]] = RANGES
+) -> MugParameters:
+    """Draw each parameter uniformly; the mug may turn out invalid (`build.build_mug` judges).
+
+    Args:
+        ranges: those of RANGES, widened or narrowed; WIDENED_RANGES bound them.
+    """
     profile = PROFILES[rng.integers(len(PROFILES))]
     handle = HANDLES[rng.integers(len(HANDLES))]
-    drawn = {name: round(rng.uniform(*limits), DECIMALS) for name, limits in RANGES.items()}
+    drawn = {name: round(rng.uniform(*limits), DECIMALS) for name, limits in ranges.items()}
     power = round(rng.uniform(*HANDLE_POWERS[handle]), DECIMALS)
     skew = round(rng.uniform(*EAR_SKEWS), DECIMALS) if handle == "ear" else 0.0
     return MugParameters(

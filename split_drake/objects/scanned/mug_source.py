@@ -22,7 +22,8 @@ class MugSource:
     """Mugs by name.
 
     Attributes:
-        where: "test" or "train", the fixed splits, or a folder of mesh files, see `find_mug_files`.
+        where: "train", "test" or "thin", the fixed splits, or a folder of mesh files, see
+            `find_mug_files`.
         left_out: names of the folder's mugs that are of no use.
 
     Raises BadInputError where it is neither.

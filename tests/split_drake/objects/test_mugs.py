@@ -1,6 +1,7 @@
 """Parametric mugs: geometry of the meshes, their collision pieces, and the fixed split."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import cast
 
 import numpy as np
@@ -9,16 +10,26 @@ import shapely
 import trimesh
 from scipy.spatial import cKDTree
 
+from split_drake.models_folder import MODELS_FOLDER
 from split_drake.objects.mug_shape import InvalidMugError, MugShape
 from split_drake.objects.mugs.build import OPENING_CLEARANCE_M, build_mug
 from split_drake.objects.mugs.collision import simplify_path
+from split_drake.objects.mugs.mesh import handle_path
 from split_drake.objects.mugs.parameters import (
     PROFILES,
+    RANGES,
     BodyProfile,
     outer_radius_m,
     sample_parameters,
 )
-from split_drake.objects.mugs.split import draw_mugs, load_mug, mug_names, mug_parameters
+from split_drake.objects.mugs.split import (
+    SplitConfig,
+    draw_mugs,
+    load_mug,
+    mug_names,
+    mug_parameters,
+    write_split,
+)
 from split_drake.objects.rigid import Primitive
 from split_drake.poses import Array, invert_pose, transform_points
 
@@ -204,10 +215,38 @@ def test_tight_openings_are_refused() -> None:
 
 def test_parameters_out_of_range_are_named() -> None:
     parameters = sample_parameters(np.random.default_rng(0))
-    with pytest.raises(ValueError, match=r"wall_m is 4\.0; expected 0\.0025 to 0\.005"):
+    with pytest.raises(ValueError, match=r"wall_m is 4\.0; expected 0\.0015 to 0\.013"):
         replace(parameters, wall_m=4.0)
     with pytest.raises(ValueError, match=r"profile is 'vase'; expected one of"):
         replace(parameters, profile=cast(BodyProfile, "vase"))
+
+
+def test_thin_mugs_leave_the_ranges_of_the_others() -> None:
+    mugs = [mug_parameters(name) for name in mug_names("thin")]
+    assert len(mugs) == 40
+    assert all(0.002 <= mug.grip_thickness_m <= 0.003 for mug in mugs)
+    assert {mug.wall_m > RANGES["wall_m"][1] for mug in mugs} == {False, True}
+    assert min(mug.wall_m for mug in mugs) < RANGES["wall_m"][0]
+    below = [load_mug(name).body.mesh.bounds[0, 2] < -0.001 for name in mug_names("thin")]
+    assert any(below) and not all(below)
+
+
+@pytest.mark.parametrize("lift_m", [-0.02, 0.02])
+def test_a_lift_raises_the_middle_of_the_handle_alone(lift_m: float) -> None:
+    parameters = replace(mug_parameters("test_000"), handle_lift_m=0.0)
+    plain = handle_path(parameters)
+    lifted = handle_path(replace(parameters, handle_lift_m=lift_m))
+    np.testing.assert_allclose(lifted[[0, -1]], plain[[0, -1]], atol=1e-4)
+    furthest = lifted[lifted[:, 0].argmax(), 1] - plain[plain[:, 0].argmax(), 1]
+    assert furthest == pytest.approx(lift_m, abs=0.004)
+
+
+def test_shipped_mugs_are_what_the_command_draws(tmp_path: Path) -> None:
+    write_split(SplitConfig(out=tmp_path))
+    for split in ("train", "test", "thin"):
+        assert (tmp_path / f"{split}.json").read_text() == (
+            MODELS_FOLDER / "mugs" / f"{split}.json"
+        ).read_text()
 
 
 @pytest.mark.parametrize("name", ["train_200", "validation_000", "test", "test_-1", ""])
