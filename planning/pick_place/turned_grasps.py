@@ -8,10 +8,10 @@ from planning.geometry.modes import distinct_modes
 from planning.geometry.waypoints import with_half_turns
 from planning.motion.ik import solve_ik
 from planning.pick_place.fingers import fit_fingers, settled
-from split_drake.grasps.open_hand import lowest_heights
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP
 from split_drake.poses import Array, invert_pose, make_pose, rotation_y, rotation_z
+from split_drake.robot.open_hand import lowest_heights
 
 # Detected modes that are turned, the turns about the body's axis, and the tilts about the closing
 # direction, which leave what is between the pads as it is.

@@ -11,9 +11,9 @@ import trimesh
 from numpy.typing import NDArray
 
 from split_drake.grasps.judge import GraspJudge
-from split_drake.grasps.open_hand import OPEN_HAND, lowest_heights
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_OPENING_M
+from split_drake.robot.open_hand import OPEN_HAND, lowest_heights
 
 # Half-angle of the friction cone; physics has arctan(0.8) = 0.67 rad.
 CONE_RAD = 0.45

@@ -8,8 +8,8 @@ import numpy as np
 import trimesh
 from trimesh.poses import compute_stable_poses
 
-from split_drake.grasps.open_hand import lowest_heights
 from split_drake.poses import Array, make_pose
+from split_drake.robot.open_hand import lowest_heights
 
 # Poses that an object comes to rest in less often are left out, and no more are looked at.
 LEAST_PROBABILITY, MOST_POSES = 0.03, 6

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from split_drake.data.clutter.library import ClutterObject
-from split_drake.grasps.open_hand import OPEN_HAND, lowest_heights
 from split_drake.poses import Array, transform_points
 from split_drake.robot.gripper import MAX_OPENING_M
+from split_drake.robot.open_hand import OPEN_HAND, lowest_heights
 
 # The hand comes in along the last 5 cm, wide open.
 APPROACH_M = 0.05

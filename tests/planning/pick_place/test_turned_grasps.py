@@ -13,10 +13,10 @@ from planning.pick_place.turned_grasps import TURNED, turned_grasps
 from planning.planner import make_planner
 from planning.problem import Plan, PlanFailure, PlanningProblem, Stage
 from planning.subgoal import Subgoal
-from split_drake.grasps.open_hand import lowest_heights
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP
 from split_drake.poses import Array, invert_pose, make_pose, rotation_error_rad, transform_points
+from split_drake.robot.open_hand import lowest_heights
 from tests.helpers.planning import LYING, STANDING, mug_problem, rim_grasps
 
 

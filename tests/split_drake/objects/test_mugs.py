@@ -238,7 +238,7 @@ def test_a_lift_raises_the_middle_of_the_handle_alone(lift_m: float) -> None:
     lifted = handle_path(replace(parameters, handle_lift_m=lift_m))
     np.testing.assert_allclose(lifted[[0, -1]], plain[[0, -1]], atol=1e-4)
     furthest = lifted[lifted[:, 0].argmax(), 1] - plain[plain[:, 0].argmax(), 1]
-    assert furthest == pytest.approx(lift_m, abs=0.004)
+    assert furthest == pytest.approx(lift_m, abs=0.007)
 
 
 def test_shipped_mugs_are_what_the_command_draws(tmp_path: Path) -> None:
