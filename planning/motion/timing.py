@@ -17,8 +17,10 @@ from split_drake.robot.panda import add_panda, arm_limits
 # Paths are interpolated through points this close, so that corners are rounded only within it.
 KNOT_STEP_RAD = 0.05
 # Toppra sees the limits at the points of its grid, evenly spaced: with fewer of them it drives
-# around the corners of long paths at up to 26 times its acceleration limit.
-GRID_POINTS_PER_KNOT = 8
+# around the corners of long paths at up to 26 times its acceleration limit.  A finer grid is taken
+# where the last one leaves a corner that is driven at more than `SHARPEST` times the arm's limit.
+GRID_POINTS_PER_KNOT = (8, 16, 32)
+SHARPEST = 1.0
 # Knots closer than this are merged: the curvature between them would mean nothing.
 MIN_KNOT_STEP_RAD = 1e-3
 # Less than this is no motion: Toppra ends the process over it.
@@ -54,9 +56,13 @@ def time_path(qs: Array, speed: Speed) -> JointTrajectory:
     knots = _knots(np.asarray(qs, dtype=float))
     if len(knots) < 2:
         return rest(knots[0], SAMPLE_S)
-    smooth = _smooth_timing(knots, speed)
-    if smooth is not None:
-        return _sampled(smooth)
+    for grid_points in GRID_POINTS_PER_KNOT:
+        smooth = _smooth_timing(knots, speed, grid_points)
+        if smooth is None:
+            break
+        sampled = _sampled(smooth)
+        if len(qs) == 2 or _sharpest(sampled) < SHARPEST:
+            return sampled
     if len(qs) == 2:
         raise RuntimeError(f"Toppra found no timing from {qs[0]} to {qs[1]}")
     return join([time_path(qs[i : i + 2], speed) for i in range(len(qs) - 1)])
@@ -76,14 +82,27 @@ def _knots(qs: Array) -> Array:
     return np.stack(kept)
 
 
-def _smooth_timing(knots: Array, speed: Speed) -> PathParameterizedTrajectory | None:
-    """Return the fastest drive through knots (M, 7) without a stop, or None."""
+def _sharpest(trajectory: JointTrajectory) -> float:
+    """Return the largest share of the arm's limit that a joint's acceleration is."""
+    moved = np.diff(trajectory.qs, axis=0) / SAMPLE_S
+    changed = np.diff(np.pad(moved, ((1, 1), (0, 0))), axis=0) / SAMPLE_S
+    return float((np.abs(changed).max(axis=0) / arm_limits().a_max).max())
+
+
+def _smooth_timing(
+    knots: Array, speed: Speed, grid_points: int
+) -> PathParameterizedTrajectory | None:
+    """Return the fastest drive through knots (M, 7) without a stop, or None.
+
+    Args:
+        grid_points: for each knot, where the limits are seen.
+    """
     if len(knots) == 2:
         knots = np.stack([knots[0], knots.mean(axis=0), knots[1]])
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
     fingers = np.zeros((len(knots), 2))
     path = PiecewisePolynomial.CubicShapePreserving(lengths, np.hstack([knots, fingers]).T)
-    grid = np.linspace(0.0, lengths[-1], GRID_POINTS_PER_KNOT * len(knots))
+    grid = np.linspace(0.0, lengths[-1], grid_points * len(knots))
     toppra = Toppra(path, _plant(), grid)
     limits = arm_limits()
     toppra.AddJointVelocityLimit(*_bounds(speed.velocity * limits.v_max))

@@ -115,6 +115,32 @@ def test_the_corners_of_long_paths_keep_the_limits_as_well() -> None:
     assert np.all(np.abs(accelerations[:-1]) <= 1.5 * FREE.acceleration * arm_limits().a_max)
 
 
+# A path on which Toppra with 8 points a knot drives a corner at four times the arm's limit.
+SHARP = """
+    0.0008 -0.9    -0.0005 -2.5006 -0.0004 1.5995 0.7856
+    0.0401 -0.8303 -0.081  -2.4942  0.0144 1.6162 0.8395
+    0.0543 -0.8126 -0.1002 -2.4922  0.0221 1.6204 0.8587
+    0.1302 -0.7244 -0.1947 -2.4816  0.0648 1.6414 0.9611
+    0.1425 -0.7107 -0.2093 -2.4799  0.0719 1.6446 0.9776
+    0.2091 -0.637  -0.2872 -2.4708  0.1105 1.6621 1.0673
+    0.334  -0.5002 -0.4317 -2.4537  0.1834 1.6945 1.2354
+    0.8153  0.0261 -0.9874 -2.3881  0.4642 1.8192 1.8831
+    0.8886  0.1061 -1.0719 -2.3781  0.5069 1.8381 1.9816
+    1.4335  0.6981 -1.696  -2.3039  0.826  1.9783 2.7147
+    1.4372  0.7018 -1.6998 -2.3034  0.8283 1.9792 2.7197
+    1.543   0.6965 -1.6632 -2.2938  0.9264 1.9768 2.8573
+"""
+
+
+def test_a_corner_that_is_driven_too_fast_is_timed_again() -> None:
+    path = np.array(SHARP.split(), dtype=float).reshape(-1, 7)
+    trajectory = time_path(path, FREE)
+    moved = np.diff(trajectory.qs, axis=0) / SAMPLE_S
+    accelerations = np.diff(moved, axis=0) / SAMPLE_S
+    assert np.all(np.abs(accelerations) <= arm_limits().a_max)
+    assert trajectory.duration_s < 3.0, "it does not stop at every corner"
+
+
 @pytest.mark.parametrize("middle", [[0.3, 0.3 + 1e-6], [0.3, 0.0], [0.3, 0.3, 1e-5]])
 def test_paths_that_dwell_or_turn_back_are_driven_in_seconds(middle: list[float]) -> None:
     qs = np.tile(Q_HOME, (len(middle) + 2, 1))
