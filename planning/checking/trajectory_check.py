@@ -19,6 +19,7 @@ from planning.collision.exemptions import (
     MAX_PEG_DEPTH_M,
     MAX_TABLE_DEPTH_M,
     TABLE_LIFT_M,
+    clear_of_palm,
     peg_tube,
 )
 from planning.problem import SAMPLE_S, JointTrajectory, Plan, Segment, SegmentName
@@ -84,15 +85,18 @@ class TrajectoryChecker:
 
         Args:
             plan: to be checked.
-            p_WPs: (N, 3) points on the object's surface before the pick.
+            p_WPs: (N, 3) points on the object's surface before the pick.  Those at the palm of a
+                hand that holds the object as the plan begins may touch it.
             p_WObstacles: (O, 3) points on the surfaces of other things, which nothing may touch.
         """
         others = np.empty((0, 3)) if p_WObstacles is None else p_WObstacles
+        X_WGrasp, X_WGRelease = self._gripper_ends(plan)
+        if not plan.pick:
+            p_WPs = p_WPs[clear_of_palm(X_WGrasp, p_WPs)]
         tubes = {
             felt: peg_tube(p_WPs, plan.X_WObject, plan.X_WGoal, MAX_LOWERING_M * felt)
             for felt in (False, True)
         }
-        X_WGrasp, X_WGRelease = self._gripper_ends(plan)
         p_GPs = transform_points(invert_pose(X_WGrasp), p_WPs)
         found = list(_kinematic_violations(plan))
         picked = False

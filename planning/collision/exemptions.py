@@ -3,7 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from planning.collision.distances import distance_to_box
 from split_drake.poses import Array, invert_pose, transform_points
+from split_drake.robot.gripper import PALM
 
 # The tube through the opening, around y_H: its radius, half its length, and how far it reaches
 # towards the side from which the peg comes while the held object is lowered onto it.
@@ -21,6 +23,17 @@ MAX_TABLE_DEPTH_M = TABLE_LOWERING_M + TABLE_ERROR_M + 0.004
 MAX_PEG_DEPTH_M = 0.003
 # While an object is lifted, HELD_TABLE acts until it has risen by this much.
 TABLE_LIFT_M = 0.015
+# Points of a held object that are this near to the palm may have come so close while it was taken.
+AT_PALM_M = 0.007
+
+
+def clear_of_palm(X_WG: Array, p_WPs: Array) -> NDArray[np.bool_]:
+    """Return (N,): which points (N, 3) of a held object are off the palm of a hand at X_WG (4, 4).
+
+    The others may touch the palm for as long as the object is next to the hand.
+    """
+    p_GPs = transform_points(invert_pose(X_WG), p_WPs)
+    return np.asarray(distance_to_box(p_GPs, PALM) > AT_PALM_M)
 
 
 def peg_tube(

@@ -24,7 +24,7 @@ from planning.collision.distances import (
 from planning.collision.exemptions import MAX_TABLE_DEPTH_M
 from planning.subgoal import AllowedContact
 from split_drake.objects.rigid import Primitive
-from split_drake.poses import Array, invert_pose, transform_points
+from split_drake.poses import Array, invert_pose
 from split_drake.robot.gripper import PALM, Box, finger_boxes
 from split_drake.robot.kinematics import X_7G, link_poses
 from split_drake.robot.panda import add_panda, panda_positions
@@ -37,8 +37,6 @@ SPARSE_STEP = 6
 # Each perceived point stands for a sphere of this radius: half the diagonal of the cloud's voxels
 # within the surface.
 POINT_RADIUS_M = 0.006
-# Held points that are nearer than by this much to touching the palm count as touching it.
-TOLERATED_M = 0.001
 # The robot stays this far from hook and table, and further from the table where it moves fast,
 # which is where it declares no contact: the arm follows its commands within some millirad, and is a
 # metre long.
@@ -166,15 +164,6 @@ class CollisionWorld:
         for wall in self._bin:
             free &= distance_to_box(p_WPs, wall).min(axis=1) > POINT_RADIUS_M
         return free
-
-
-def clear_of_palm(X_WG: Array, p_WPs: Array) -> BoolArray:
-    """Return (N,): which points (N, 3) of an object are off the palm of a hand at X_WG (4, 4).
-
-    A held object may have come so close while it was taken.
-    """
-    p_GPs = transform_points(invert_pose(X_WG), p_WPs)
-    return np.asarray(distance_to_box(p_GPs, PALM) > POINT_RADIUS_M + TOLERATED_M)
 
 
 def densified(qs: Array, step_rad: float) -> Array:

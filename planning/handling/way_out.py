@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planning.collision.world import CollisionWorld, Situation, clear_of_palm
+from planning.collision.exemptions import clear_of_palm
+from planning.collision.world import CollisionWorld, Situation
 from planning.execution.executor import ExecutionResult, Executor
 from planning.geometry.waypoints import APPROACH_M, LINE_STEP_M, shifted, straight_line
 from planning.motion.ik import follow

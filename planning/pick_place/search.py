@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from planning.collision.world import CollisionWorld, Situation, clear_of_palm
+from planning.collision.exemptions import clear_of_palm
+from planning.collision.world import CollisionWorld, Situation
 from planning.geometry.focus import filled_down
 from planning.geometry.modes import away_from, distinct_modes
 from planning.geometry.perceived import PerceivedObject, best_upright

@@ -26,8 +26,8 @@ from planning.problem import (
     Stage,
 )
 from planning.subgoal import AllowedContact
-from split_drake.poses import Array, make_pose, transform_points
-from split_drake.robot.gripper import MAX_OPENING_M
+from split_drake.poses import Array, invert_pose, make_pose, transform_points
+from split_drake.robot.gripper import MAX_OPENING_M, PALM
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.station.layout import Layout
 from tests.helpers.planning import STANDING, mug_cloud, mug_problem, reorient_plan
@@ -91,6 +91,20 @@ def test_an_obstacle_moved_into_the_way_is_found() -> None:
     wrist = gripper_pose(lift) @ np.array([0.0, 0.0, -0.15, 1.0])
     found = names(hang_plan(), np.concatenate([cloud(), wrist[None, :3]]))
     assert SegmentName.APPROACH.value in found
+
+
+def test_what_touches_the_palm_of_a_hand_that_holds_it_may_go_on_doing_so() -> None:
+    begins = gripper_pose(segment(SegmentName.TRANSFER).trajectory.qs[0])
+    lifted = begins @ invert_pose(hang_plan().X_WGrasp)
+    held_plan = replace(
+        hang_plan(), segments=hang_plan().place, X_WObject=lifted @ hang_plan().X_WObject
+    )
+    held = transform_points(lifted, cloud())
+    at_palm = transform_points(begins, np.array([[0.0, 0.0, PALM.upper[2] + 0.002]]))
+    assert names(held_plan, held) == set()
+    assert names(held_plan, np.concatenate([held, at_palm])) == set()
+    picked = transform_points(hang_plan().X_WGrasp, np.array([[0.0, 0.0, PALM.upper[2] + 0.002]]))
+    assert names(hang_plan(), np.concatenate([cloud(), picked]))
 
 
 def test_held_points_outside_the_tube_may_not_touch_the_peg() -> None:
