@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,11 @@ import pytest
 
 from planning.problem import SegmentName, Stage
 from scenarios.mug_hang import MugHangOptions, specs_of
-from scenarios.trials import perception
-from scenarios.trials.detectors import make_detector
+from scenarios.trials.perception import Perceiver
 from scenarios.trials.records import TrialRecord
-from scenarios.trials.setup import Setup
 from scenarios.trials.spec import TrialSpec
 from scenarios.trials.trial import run_trial
-from split_drake.pose_set import PoseDetector, PoseSet
+from split_drake.pose_set import PoseSet
 from split_drake.pose_task import PoseTask
 from split_drake.poses import make_pose
 from split_drake.scene import Scene
@@ -45,32 +44,23 @@ def test_a_mug_that_turns_in_the_hand_hangs_by_a_new_plan_and_twice_the_same(
     assert without_wall_times(one) == without_wall_times(two)
 
 
-class HighAtFirst:
-    """A detector whose first grasps are above the mug, so that they close on nothing."""
-
-    def __init__(self, detector: PoseDetector) -> None:
-        self._detector = detector
-        self._looks = 0
-
-    def detect(
-        self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
-    ) -> dict[str, PoseSet]:
-        found = self._detector.detect(scene, tasks, rng)
-        self._looks += 1
-        if self._looks == 1:
-            above = make_pose(p=(0.0, 0.0, 0.10))
-            found["grasp"] = found["grasp"].moved(above)
-        return found
-
-
 def test_a_mug_that_was_missed_is_taken_at_the_second_attempt(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def misled(spec: TrialSpec, setup: Setup, wide: bool = False) -> PoseDetector:
-        detector = make_detector(spec, setup, wide)
-        return detector if wide else HighAtFirst(detector)
+    look, looks = Perceiver.look, count(1)
 
-    monkeypatch.setattr(perception, "make_detector", misled)
+    def high_at_first(
+        perceiver: Perceiver, tasks: Sequence[PoseTask], again: bool = False
+    ) -> tuple[Scene, dict[str, PoseSet]]:
+        """See everything 10 cm too high, once, so that the fingers close on nothing."""
+        scene, found = look(perceiver, tasks, again)
+        if next(looks) > 1:
+            return scene, found
+        up_m = np.array([0.0, 0.0, 0.10])
+        high = replace(scene, p_WPs=scene.p_WPs + up_m, p_WSs=scene.p_WSs + up_m)
+        return high, {name: poses.moved(make_pose(p=up_m)) for name, poses in found.items()}
+
+    monkeypatch.setattr(Perceiver, "look", high_at_first)
     record = run_trial(spec_of(tmp_path, seed=1))
     assert record.attempts[0]["stage"] == Stage.GRASP
     assert "empty after close" in record.attempts[0]["reason"]
