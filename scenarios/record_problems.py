@@ -173,7 +173,7 @@ def main(options: RecordOptions) -> Path:
     console = Console()
     for detector, task in product(options.detectors, options.tasks):
         require_working_detector(detector, options.checkpoint, find_subgoal(task))
-    station = station_of(options.detectors[0], options.checkpoint)
+    station = station_of(options.detectors[0], options.checkpoint, options.station)
     with TemporaryDirectory() as scratch:
         grasps = Path(scratch)
         trial = MugCheck(station, grasps if "oracle" in options.detectors else None, grasps)
