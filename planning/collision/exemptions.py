@@ -23,7 +23,8 @@ MAX_TABLE_DEPTH_M = TABLE_LOWERING_M + TABLE_ERROR_M + 0.004
 MAX_PEG_DEPTH_M = 0.003
 # While an object is lifted, HELD_TABLE acts until it has risen by this much.
 TABLE_LIFT_M = 0.015
-# Points of a held object that are this near to the palm may have come so close while it was taken.
+# Points of a held object that are this near to the palm may have come so close while it was taken:
+# the 6 mm that a planner's point stands for, and 1 mm of tolerance.
 AT_PALM_M = 0.007
 
 

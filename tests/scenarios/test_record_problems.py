@@ -11,13 +11,17 @@ from planning.goals.upright import SUBGOAL as REORIENT
 from planning.motion.regions import load_regions
 from planning.problem import PlanningProblem
 from planning.problem_files import SHIPPED_PROBLEMS, load_problems, save_problems
+from scenarios import record_problems
 from scenarios.making import grow_regions
 from scenarios.making.grow_regions import GrowOptions
 from scenarios.record_problems import MAX_POSES, RecordOptions, main, record_problem, specs_of
+from scenarios.trials.mug_check import MugCheck
 from split_drake.bad_input import BadInputError
+from split_drake.models_folder import MODELS_FOLDER
 from split_drake.objects.mugs.split import load_mug
 from split_drake.poses import make_pose
 from split_drake.robot.posture import Q_HOME
+from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
 from tests.helpers.planning import STANDING, mug_problem
 
@@ -54,6 +58,21 @@ def test_problems_of_own_mugs(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert list(out.parent.iterdir()) == [out]
     with pytest.raises(BadInputError, match=r"'nowhere'.*folder of mesh files"):
         RecordOptions(mugs="nowhere")
+
+
+def test_meshes_are_checked_at_the_station_that_problems_are_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class CheckedError(Exception):
+        """Ends the command where its station is known."""
+
+    def check(station: StationConfig, scratch: Path | None, folder: Path) -> MugCheck:
+        raise CheckedError(station.layout.table_z_m)
+
+    monkeypatch.setattr(record_problems, "MugCheck", check)
+    file = MODELS_FOLDER / "stations" / "high_table.yaml"
+    with pytest.raises(CheckedError, match=r"^0\.1$"):
+        main(RecordOptions(1, detectors=("oracle",), station=file, out=tmp_path / "p.npz"))
 
 
 def test_regions_grow_from_plans(file: Path, tmp_path: Path) -> None:
