@@ -36,7 +36,7 @@ class MugEvalOptions(EvalOptions):
     """What the scenes of an evaluation on mugs are.
 
     Attributes:
-        mugs: "train", "test", or a folder of upright mesh files.
+        mugs: "train", "test", "thin", or a folder of upright mesh files.
         scenes: how many, spread evenly over the mugs of a split.
         scenes_per_mug: how many of each mug of a folder.
     """
