@@ -18,7 +18,10 @@ SAMPLE_S = 0.01
 
 
 class SegmentName(StrEnum):
-    """The segments of a pick and place, in their order, and the way back with a held object."""
+    """The segments of a pick and place, in their order, and what recovery adds to them.
+
+    `BACK_OUT` is the way back with a held object, `EASE` a small motion of a hand that is caught.
+    """
 
     TRANSIT = "transit"
     APPROACH = "approach"
@@ -29,6 +32,7 @@ class SegmentName(StrEnum):
     OPEN = "open"
     RETREAT = "retreat"
     BACK_OUT = "back out"
+    EASE = "ease"
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ CONTACT_AFTER_S = 0.15
 # What a hand feels from the start of its way back may grow by this factor, and up to this one of
 # what it may feel otherwise.
 GROWTH, MOST_GROWN = 1.3, 2.0
+# Segments of an open hand that may touch what it let go of from their start on.
+IN_OBJECT = (SegmentName.RETREAT, SegmentName.EASE)
 
 
 class Robot(Protocol):
@@ -145,8 +147,8 @@ class Executor:
         place relative to the object counts, and sheds it on the next free motion.
 
         What is felt is the change since the segment's start, when the arm may carry something; a
-        hand that draws back carries nothing, but may touch something from the start, and stops
-        where the force grows beyond its limit.
+        hand that draws back or is eased out carries nothing, but may touch something from the
+        start, and stops where the force grows beyond its limit.
         """
         robot, trajectory = self.robot, segment.trajectory
         sheds = segment.name in (SegmentName.TRANSIT, SegmentName.TRANSFER)
@@ -169,7 +171,7 @@ class Executor:
     def _force_limit(self, segment: Segment) -> tuple[float, Array]:
         """Return the force, N, at which a segment stops, and the torques (7,) felt without any."""
         limit_n, torques = force_limit_n(segment), self.robot.joint_torques_nm
-        if segment.name is not SegmentName.RETREAT:
+        if segment.name not in IN_OBJECT:
             return limit_n, torques
         if not self._stops_when_caught:
             return np.inf, np.zeros(7)

@@ -20,6 +20,7 @@ CATCHING_FORCE_N = 12.0
 _FORCE_LIMITS_N = {
     SegmentName.INSERT: BLOCKING_FORCE_N,
     SegmentName.RETREAT: CATCHING_FORCE_N,
+    SegmentName.EASE: CATCHING_FORCE_N,
 }
 # What failed where the hand turns out to be empty after a segment.
 LOSS_STAGES = {
@@ -52,7 +53,7 @@ class FoundFault:
 def force_limit_n(segment: Segment) -> float:
     """Return the change of the force at the gripper, N, at which the segment is to stop.
 
-    For a hand that draws back it is the force itself, and the executor lets it start with more.
+    For an open hand in an object it is the force itself, and the executor lets it start with more.
     """
     if segment.stop_on_contact:
         return CONTACT_FORCE_N

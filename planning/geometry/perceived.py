@@ -25,7 +25,7 @@ class PerceivedObject:
         p_WObstacles: (N, 3) coarse points on its surface, the unseen side completed where known.
         p_WDetails: (M, 3) fine points on the surface that was seen.
         p_WSurface: (L, 3) the fine points and, where known, coarse ones of the unseen side.
-        p_WCom: (3,) estimated centre of mass.
+        p_WCom: (3,) estimated centre of mass, see `centre_of_mass`.
     """
 
     p_WObstacles: Array
@@ -49,7 +49,7 @@ class PerceivedObject:
             unseen = revolved_body(details, X_WU)
             surface = np.concatenate([details, unseen[unseen[:, 2] > table_z_m]])
         obstacles = voxel_centroids(surface, OBSTACLE_VOXEL_M)
-        return cls(obstacles, details, surface, surface.mean(axis=0))
+        return cls(obstacles, details, surface, centre_of_mass(obstacles, X_WU))
 
 
 def best_upright(pose_sets: PoseSets) -> Array | None:
@@ -65,6 +65,36 @@ def voxel_centroids(points: Array, edge_m: float) -> Array:
     sums = np.zeros((len(counts), points.shape[1]))
     np.add.at(sums, inverse.reshape(-1), points)
     return np.asarray(sums / counts[:, None])
+
+
+def centre_of_mass(p_WSurface: Array, X_WU: Array | None) -> Array:
+    """Return the estimated centre of mass (3,) of an object whose mass is in its surface.
+
+    Args:
+        p_WSurface: (N, 3) points spread evenly over it, `OBSTACLE_VOXEL_M` apart.
+        X_WU: (4, 4) its upright pose, if known.  No camera sees the base on which it stands, in U
+            at z = 0; that closes it, as walls do with an outer and an inner side.
+    """
+    if X_WU is None:
+        return np.asarray(p_WSurface.mean(axis=0))
+    base = transform_points(
+        X_WU, _disc(_base_radius(transform_points(invert_pose(X_WU), p_WSurface)))
+    )
+    return np.asarray(np.concatenate([p_WSurface, base, base]).mean(axis=0))
+
+
+def _base_radius(p_UPs: Array) -> float:
+    """Return the radius of the body near its base, where most of the points (N, 3) there lie."""
+    low = p_UPs[p_UPs[:, 2] < p_UPs[:, 2].min() + 2.0 * PROFILE_BIN_M]
+    return float(np.median(np.hypot(low[:, 0], low[:, 1])))
+
+
+def _disc(radius_m: float) -> Array:
+    """Return points (N, 3) of a disc around the origin, its normal z, `OBSTACLE_VOXEL_M` apart."""
+    steps = np.arange(-radius_m, radius_m + 1e-9, OBSTACLE_VOXEL_M)
+    x, y = (each.ravel() for each in np.meshgrid(steps, steps))
+    inside = np.hypot(x, y) <= radius_m
+    return np.column_stack([x, y, np.zeros_like(x)])[inside]
 
 
 def revolved_body(p_WPs: Array, X_WU: Array) -> Array:

@@ -19,6 +19,7 @@ from planning.problem import SAMPLE_S, JointTrajectory, Plan, Segment, SegmentNa
 from planning.subgoal import AllowedContact
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_OPENING_M
+from split_drake.robot.kinematics import gripper_pose
 from split_drake.station.layout import Layout
 
 # Paths are driven back through points this many samples apart.
@@ -43,33 +44,31 @@ class Recovery:
         """Carry the object back along the segments as far as they were executed."""
         return self._executor.execute(retraced(segments, execution))
 
-    def put_down(self, plan: Plan, p_WPs: Array) -> bool:
-        """Put the lifted object (N, 3) down where the plan took it, by feel, and draw back.
+    def put_down(self, plan: Plan) -> bool:
+        """Put the lifted object down where the plan took it, by feel, and draw back.
 
         Return whether the hand is free of it.
         """
-        return self.eased_out(self._executor.execute(put_down_segments(plan)), p_WPs).completed
+        segments = put_down_segments(plan)
+        return self.eased_out(segments, self._executor.execute(segments)).completed
 
-    def withdraw(
-        self, segments: Sequence[Segment], execution: ExecutionResult, p_WPs: Array
-    ) -> bool:
-        """Draw the empty hand back from where it closed on an object (N, 3), or from the hook.
+    def withdraw(self, segments: Sequence[Segment], execution: ExecutionResult) -> bool:
+        """Draw the empty hand back from where it closed on an object, or from the hook.
 
         Return whether the hand is free of the object.
         """
-        drawn = self._executor.execute(withdrawal(segments, execution))
-        return self.eased_out(drawn, p_WPs).completed
+        way = withdrawal(segments, execution)
+        return self.eased_out(way, self._executor.execute(way)).completed
 
-    def eased_out(self, execution: ExecutionResult, p_WPs: Array) -> ExecutionResult:
-        """Return how an execution ended, after leading the hand out of an object (N, 3) if caught.
+    def eased_out(self, segments: Sequence[Segment], execution: ExecutionResult) -> ExecutionResult:
+        """Return how an execution of segments ended, after leading the hand out if it was caught.
 
         Its logs are followed by those of the ways out.
         """
-        if execution.fault is not Fault.CAUGHT or not self._ways_out:
+        if execution.fault is not Fault.CAUGHT:
             return execution
-        points = voxel_centroids(p_WPs, OBSTACLE_VOXEL_M)
-        out = WayOut(self._executor, self._world).take(points, self._ways_out)
-        return execution if out is None else replace(out, logs=execution.logs + out.logs)
+        out = WayOut(self._executor, self._world)
+        return out.take(execution, _drawn_back_m(segments, execution), self._ways_out)
 
     def go_home(self, rng: np.random.Generator) -> bool:
         """Move home around what the cameras show in the workspace; return whether there is a way.
@@ -156,6 +155,14 @@ def put_down_segments(plan: Plan) -> tuple[Segment, ...]:
     )
     release_m = approach.opening_end_m
     return (felt, opening_segment(qs[-1], release_m, lift.held_width_m, touching), back)
+
+
+def _drawn_back_m(segments: Sequence[Segment], execution: ExecutionResult) -> float:
+    """Return how far the hand got along its approach in the last segment that was executed."""
+    log = execution.logs[-1]
+    qs = segments[len(execution.logs) - 1].trajectory.qs
+    X_WStart, X_WEnd = gripper_pose(qs[0]), gripper_pose(qs[round(log.duration_s / SAMPLE_S) - 1])
+    return float((X_WStart[:3, 3] - X_WEnd[:3, 3]) @ X_WStart[:3, 2])
 
 
 def _reversed_path(segment: Segment, duration_s: float, speed: Speed) -> JointTrajectory:

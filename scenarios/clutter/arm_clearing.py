@@ -128,7 +128,7 @@ class ArmClearing:
         if done.fault is Fault.SLIPPED:  # it is above the bin all the same
             self._executor.execute(plan.segments[len(done.logs) :])
             return done
-        self._recovery.withdraw(plan.segments, done, np.empty((0, 3)))
+        self._recovery.withdraw(plan.segments, done)
         if not self._recovery.go_home(self._rng):
             self._stranded = f"no way home was found after: {done.reason}"
         return done

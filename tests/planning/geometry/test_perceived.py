@@ -11,6 +11,7 @@ from planning.geometry.perceived import (
     DETAIL_VOXEL_M,
     OBSTACLE_VOXEL_M,
     PerceivedObject,
+    centre_of_mass,
     revolved_body,
     voxel_centroids,
 )
@@ -74,7 +75,24 @@ def test_what_is_completed_comes_after_what_was_seen_and_above_the_table(X_WO: A
     seen = len(target.p_WDetails)
     np.testing.assert_array_equal(target.p_WSurface[:seen], voxel_centroids(p_WPs, DETAIL_VOXEL_M))
     assert len(target.p_WSurface) > seen and target.p_WSurface[seen:, 2].min() > 0.0
-    np.testing.assert_allclose(target.p_WCom, target.p_WSurface.mean(axis=0))
+    np.testing.assert_array_equal(target.p_WCom, centre_of_mass(target.p_WObstacles, low))
+
+
+@pytest.mark.parametrize("X_WO", [STANDING, LYING], ids=["standing", "lying"])
+def test_a_base_that_no_camera_sees_counts_in_the_centre_of_mass(X_WO: Array) -> None:
+    """A cup of thin walls: 2 pi r h of wall with its middle at h / 2, pi r^2 of base at 0."""
+    radius, height = 0.04, 0.09
+    angles, heights = np.meshgrid(np.arange(0.0, 2.0 * np.pi, 0.1), np.arange(0.002, height, 0.004))
+    walls = [
+        np.column_stack([r * np.cos(angles.ravel()), r * np.sin(angles.ravel()), heights.ravel()])
+        for r in (radius, radius - 0.003)
+    ]
+    seen = transform_points(X_WO, np.concatenate(walls))
+    target = PerceivedObject.from_cloud(seen, X_WO, seen[:, 2].min() - 0.01)
+    p_OCom = transform_points(invert_pose(X_WO), target.p_WCom[None])[0]
+    true_m = height**2 / (2.0 * height + radius)
+    np.testing.assert_allclose(p_OCom, [0.0, 0.0, true_m], atol=0.004)
+    assert abs(p_OCom[2] - true_m) < 0.5 * (height / 2.0 - true_m), "nearer than the walls' middle"
 
 
 def test_without_an_upright_pose_the_object_is_what_was_seen() -> None:

@@ -9,18 +9,15 @@ import pytest
 from planning.execution.executor import ExecutionResult
 from planning.execution.faults import CATCHING_FORCE_N
 from planning.goals.hang import SUBGOAL as HANG
-from planning.goals.upright import SUBGOAL as REORIENT
 from planning.handling.attempts import AttemptLimits
-from planning.handling.handler import KEPT_SHIFT_M
 from planning.handling.held_view import HeldView
-from planning.handling.recovery import Recovery
+from planning.handling.way_out import WayOut
 from planning.motion.free import NoMotion
 from planning.problem import Segment, SegmentName, Stage
-from split_drake.poses import Array, invert_pose, make_pose, rotation_z, transform_points
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.robot.posture import Q_HOME
-from tests.helpers.handling import WIDTH_M, Placer, failures, handle, sees
-from tests.helpers.planning import STANDING, mug_problem, reorient_plan
+from tests.helpers.handling import WIDTH_M, Placer, failures, handle
+from tests.helpers.planning import reorient_plan
 from tests.helpers.robot import PerfectRobot
 
 
@@ -45,27 +42,33 @@ def test_a_hand_that_is_caught_slides_out_along_what_it_feels() -> None:
     (attempt,) = handled.attempts
     assert attempt.failure == (None, "") and attempt.recovery == "eased the hand out"
     assert attempt.execution is not None
-    *_, opened, caught, eased = attempt.execution.logs
-    assert [log.name for log in (opened, caught, eased)] == ["open", "retreat", "retreat"]
-    assert caught.stopped_by_contact and caught.force_n > CATCHING_FORCE_N
-    assert not eased.stopped_by_contact
+    logs = list(attempt.execution.logs)
+    after = logs[[log.name for log in logs].index(SegmentName.OPEN) + 1 :]
+    caught, *between, out = (log for log in after if log.name is not SegmentName.EASE)
+    assert caught.name is out.name is SegmentName.RETREAT
+    assert all(log.stopped_by_contact for log in (caught, *between))
+    assert caught.force_n > CATCHING_FORCE_N and not out.stopped_by_contact
     np.testing.assert_allclose(robot.q, Q_HOME, atol=1e-6)
 
 
-def test_ways_out_know_where_the_object_was_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
-    X_GE = make_pose(rotation_z(0.02), (0.0, 0.0, 0.5 * KEPT_SHIFT_M))
-    sees(monkeypatch, X_GE)
-    robot, found = PerfectRobot(WIDTH_M), list[Array]()
+def test_ways_out_know_how_far_the_hand_had_drawn_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot, drawn_m, found_m = PerfectRobot(WIDTH_M), 0.03, list[float]()
 
-    def eased_out(recovery: Recovery, caught: ExecutionResult, p_WPs: Array) -> ExecutionResult:
-        found.append(p_WPs)
+    def take(way: WayOut, caught: ExecutionResult, depth_m: float, tries: int) -> ExecutionResult:
+        found_m.append(depth_m)
         return caught
 
-    monkeypatch.setattr(Recovery, "eased_out", eased_out)
-    handle(robot, Placer(), catch(robot, SLOPE_W))
-    plan, cloud = reorient_plan(), mug_problem(REORIENT, STANDING).p_WPs
-    X_WMoved = plan.X_WGplace @ X_GE @ invert_pose(plan.X_WGrasp)
-    np.testing.assert_allclose(found[0], transform_points(X_WMoved, cloud), atol=1e-6)
+    def on_step(segment: Segment) -> None:
+        """Catch the hand where it has drawn back, upwards, by so much."""
+        if segment.name is SegmentName.OPEN:
+            released_m[0] = float(gripper_pose(robot.q)[2, 3])
+        elif segment.name is SegmentName.RETREAT and robot.floor_m == -np.inf:
+            robot.normal_W, robot.floor_m = (0.0, 0.0, -1.0), -released_m[0] - drawn_m
+
+    released_m = [0.0]
+    monkeypatch.setattr(WayOut, "take", take)
+    handle(robot, Placer(), on_step)
+    assert found_m[0] == pytest.approx(drawn_m, abs=3e-3)
 
 
 def test_a_robot_that_eased_its_hand_out_but_finds_no_way_home_has_failed(

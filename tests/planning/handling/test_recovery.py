@@ -90,7 +90,7 @@ def test_putting_down_stops_on_the_table_however_low_the_object_hangs(hanging_m:
             else None
         ),
     )
-    assert Recovery(executor, Layout(), ways_out=0).put_down(plan, mug_cloud())
+    assert Recovery(executor, Layout(), ways_out=0).put_down(plan)
     assert table_m - 0.002 < reached[0] < table_m
     assert robot.opening_m == pytest.approx(plan.pick[1].opening_end_m)
 

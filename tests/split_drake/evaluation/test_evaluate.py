@@ -39,7 +39,10 @@ from split_drake.station.layout import Layout
         (lambda: EvalOptions(physics_scenes=-1), "physics_scenes is -1; expected at least 0"),
         (lambda: EvalOptions(noise_m=-0.001), "noise_m is -0.001; expected a number from 0 to 0.1"),
         (lambda: MugEvalOptions(noise_m=-0.001), "noise_m is -0.001; expected a number from 0"),
-        (lambda: MugEvalOptions(mugs="cups"), "mugs are 'cups'; expected train, test, thin, or a folder"),
+        (
+            lambda: MugEvalOptions(mugs="cups"),
+            "mugs are 'cups'; expected train, test, thin, or a f",
+        ),
     ],
 )
 def test_impossible_options_are_refused(make: Callable[[], EvalOptions], message: str) -> None:
