@@ -1,7 +1,7 @@
 """Execution of plans: segments become commands every 10 ms, with what the robot itself measures."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -127,10 +127,16 @@ class Executor:
         self._on_step = on_step
         self._stops_when_caught = stops_when_caught
 
-    def execute(self, segments: Sequence[Segment]) -> ExecutionResult:
-        """Execute the segments; stop where one of them fails."""
+    def execute(self, segments: Sequence[Segment], offset: Array | None = None) -> ExecutionResult:
+        """Execute the segments; stop where one of them fails.
+
+        Args:
+            segments: to be executed.
+            offset: (7,) by which the arm is away from where the first one starts, if it is: it
+                keeps or sheds that as after a segment that a contact stopped.
+        """
         logs: list[SegmentLog] = []
-        offset = np.zeros(7)
+        offset = np.zeros(7) if offset is None else offset
         for segment in segments:
             opening_m = self.robot.opening_m
             log, offset = self._execute_segment(segment, offset)
@@ -192,6 +198,17 @@ class Executor:
         return SegmentLog(
             segment.name, SAMPLE_S * count, error, self.robot.opening_m, stopped, force
         )
+
+
+def joined(log: SegmentLog, *further: SegmentLog) -> SegmentLog:
+    """Return the log of a segment that went on in further ones of the same name."""
+    logs = (log, *further)
+    return replace(
+        logs[-1],
+        duration_s=sum(each.duration_s for each in logs),
+        tracking_error_rad=max(each.tracking_error_rad for each in logs),
+        force_n=max(each.force_n for each in logs),
+    )
 
 
 def _smooth(share: float) -> float:

@@ -33,12 +33,13 @@ LOSS_STAGES = {
 
 
 class Fault(StrEnum):
-    """What can go wrong in a segment; after SLIPPED and BLOCKED the object is still in the hand."""
+    """What can go wrong; after SLIPPED, BLOCKED and MISSED the object is still in the hand."""
 
     EMPTY = "empty"
     SLIPPED = "slipped"
     BLOCKED = "blocked"
     CAUGHT = "caught"
+    MISSED = "missed"
 
 
 @dataclass(frozen=True)

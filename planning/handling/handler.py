@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planning.execution.executor import ExecutionResult, Executor
+from planning.execution.executor import ExecutionResult, Executor, joined
 from planning.execution.faults import Fault
 from planning.handling.attempts import Attempt, AttemptLimits, Perception
 from planning.handling.held_view import HeldView, view_held
@@ -119,7 +119,7 @@ class _Handling:
                 done = _NOTHING
                 if not self._replan(held):
                     return self._put_down()
-            placed = self._executor.execute(self._plan.place)
+            placed = self._place()
             if placed.fault is Fault.CAUGHT:
                 return self._eased_out(placed, done)
             whole, done = replace(placed, logs=done.logs + placed.logs), _NOTHING
@@ -135,6 +135,26 @@ class _Handling:
                 return self._ended("the object was lost on the way back", free=True)
             if self._failures >= self._handler.limits.placements:
                 return self._put_down()
+
+    def _place(self) -> ExecutionResult:
+        """Execute the rest of the plan; what is let go is lowered on where nothing was felt.
+
+        The logs are those of the plan's segments, one each.
+        """
+        segments = self._plan.place
+        felt = [segment.holding and segment.stop_on_contact for segment in segments]
+        if not any(felt) or not self._handler.limits.lowers_on:
+            return self._executor.execute(segments)
+        lowering = felt.index(True)
+        done = self._executor.execute(segments[: lowering + 1])
+        if done.completed and not done.logs[-1].stopped_by_contact:
+            further = self._recovery.lower_on(segments[lowering])
+            done = replace(further, logs=(*done.logs[:-1], joined(done.logs[-1], *further.logs)))
+        if not done.completed:
+            return done
+        offset = self._executor.robot.q - segments[lowering].trajectory.qs[-1]
+        rest = self._executor.execute(segments[lowering + 1 :], offset)
+        return replace(rest, logs=done.logs + rest.logs)
 
     def _look(self) -> HeldView:
         """Measure how the object lies in the hand, where that is wanted."""

@@ -77,8 +77,9 @@ def test_an_open_hand_that_is_stopped_on_its_way_back_is_caught() -> None:
     assert f"{CATCHING_FORCE_N:g} N" in found.reason
 
 
-def test_insertions_and_retreats_alone_are_stopped_by_force() -> None:
+def test_insertions_and_an_open_hand_in_an_object_alone_are_stopped_by_force() -> None:
     limits = {name: force_limit_n(segment(name)) for name in SegmentName}
     assert limits.pop(SegmentName.INSERT) == BLOCKING_FORCE_N
     assert limits.pop(SegmentName.RETREAT) == CATCHING_FORCE_N
+    assert limits.pop(SegmentName.EASE) == CATCHING_FORCE_N
     assert set(limits.values()) == {float("inf")}

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from planning.execution.executor import ExecutionResult, Executor, SegmentLog
-from planning.handling.recovery import Recovery, put_down_segments, retraced, withdrawal
+from planning.handling.recovery import Recovery
+from planning.handling.retracing import put_down_segments, retraced, withdrawal
 from planning.motion.free import NoMotion
 from planning.problem import SAMPLE_S, Segment, SegmentName
 from split_drake.poses import transform_points
