@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -15,12 +14,12 @@ from planning.geometry.waypoints import with_half_turns
 from planning.motion.free import MotionQuery, NoMotion, free_motion
 from planning.motion.ik import solve_ik
 from planning.motion.segment_builder import (
-    SETTLE_S,
     SegmentBuilder,
     closing_segment,
     opening_segment,
+    settled,
 )
-from planning.motion.timing import FEELING, FREE, LOADED, join, rest
+from planning.motion.timing import FEELING, FREE, LOADED
 from planning.problem import PlanFailure, Segment, SegmentName, Stage
 from split_drake.pose_task import GRASP
 from split_drake.poses import Array, make_pose, rotation_x, rotation_z
@@ -129,10 +128,3 @@ class _Search:
             opening_segment(transfer[-1], MAX_OPENING_M, width_m, fingers),
             grip.empty(SegmentName.TRANSIT, home, FREE, taking.emptied),
         )
-
-
-def settled(segment: Segment) -> Segment:
-    """Return a segment with a rest at its end, so that the next one feels no motion of its own."""
-    trajectory = segment.trajectory
-    still = join([trajectory, rest(trajectory.qs[-1], SETTLE_S)])
-    return replace(segment, trajectory=still)

@@ -1,10 +1,10 @@
 """From paths to timed segments of an empty or loaded hand."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from planning.collision.world import CollisionWorld, Situation
 from planning.motion.free import timed
-from planning.motion.timing import Speed, rest
+from planning.motion.timing import Speed, join, rest
 from planning.problem import SAMPLE_S, Segment, SegmentName
 from planning.subgoal import AllowedContact
 from split_drake.poses import Array
@@ -90,6 +90,13 @@ class SegmentBuilder:
             stop_on_contact=feel,
             held_width_m=situation.opening_m,
         )
+
+
+def settled(segment: Segment) -> Segment:
+    """Return a segment with a rest at its end, so that the next one feels no motion of its own."""
+    trajectory = segment.trajectory
+    still = join([trajectory, rest(trajectory.qs[-1], SETTLE_S)])
+    return replace(segment, trajectory=still)
 
 
 def closing_segment(

@@ -9,6 +9,7 @@ from planning.motion.segment_builder import (
     closing_segment,
     executed_s,
     opening_segment,
+    settled,
 )
 from planning.motion.timing import CAREFUL, FEELING, FREE, LOADED, RETREATING
 from planning.pick_place.pick import Pick
@@ -58,7 +59,7 @@ def plan_segments(
     segments = [
         *_pick_segments(grip, target, pick, route.transit_qs),
         grip.loaded(SegmentName.TRANSFER, route.transfer_qs, LOADED, carrying),
-        grip.loaded(SegmentName.INSERT, place.insert_qs, CAREFUL, place.inserting),
+        settled(grip.loaded(SegmentName.INSERT, place.insert_qs, CAREFUL, place.inserting)),
         grip.loaded(SegmentName.INSERT, place.lower_qs, FEELING, place.lowering, feel=True),
         _open(place, pick),
         grip.empty(SegmentName.RETREAT, place.retreat_qs, RETREATING, _allowing(after, _FINGERS)),
