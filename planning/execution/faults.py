@@ -79,9 +79,9 @@ def find_fault(
         closed_mm = 1e3 * max(opening_m, 0.0)
         reason = f"the hand is empty after {name}: its opening is {closed_mm:.1f} mm"
         return FoundFault(Fault.EMPTY, LOSS_STAGES[name], reason)
-    if name not in (SegmentName.TRANSFER, SegmentName.INSERT) or segment.stop_on_contact:
+    if name not in (SegmentName.TRANSFER, SegmentName.INSERT):
         return None
-    if stopped:
+    if stopped and not segment.stop_on_contact:
         reason = f"something is in the way of {name}: more than {BLOCKING_FORCE_N:g} N"
         return FoundFault(Fault.BLOCKED, LOSS_STAGES[name], reason)
     if abs(opening_m - opening_before_m) > SLIP_M:

@@ -66,7 +66,7 @@ def put_down_segments(plan: Plan) -> tuple[Segment, ...]:
     touching = frozenset({AllowedContact.FINGERS_TARGET, AllowedContact.HELD_TABLE})
     felt = replace(
         lift,
-        name=SegmentName.INSERT,
+        name=SegmentName.BACK_OUT,
         trajectory=time_path(_thinned(qs), FEELING),
         stop_on_contact=True,
     )

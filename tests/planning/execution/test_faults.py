@@ -64,10 +64,15 @@ def test_an_insertion_that_is_stopped_was_blocked() -> None:
     assert f"{BLOCKING_FORCE_N:g} N" in found.reason
 
 
-def test_lowering_by_feel_is_to_be_stopped_and_may_shift_the_object() -> None:
+@pytest.mark.parametrize("stopped", [False, True])
+def test_lowering_by_feel_is_to_be_stopped_while_the_object_stays_in_the_hand(
+    stopped: bool,
+) -> None:
     feeling = segment(SegmentName.INSERT, feel=True)
-    assert find_fault(feeling, True, WIDTH_M, WIDTH_M + 2.0 * SLIP_M) is None
     assert force_limit_n(feeling) == CONTACT_FORCE_N
+    assert find_fault(feeling, stopped, WIDTH_M, WIDTH_M - 0.9 * SLIP_M) is None
+    found = find_fault(feeling, stopped, 0.030, 0.030 - 1.1 * SLIP_M)
+    assert found is not None and found.fault is Fault.SLIPPED
 
 
 def test_an_open_hand_that_is_stopped_on_its_way_back_is_caught() -> None:

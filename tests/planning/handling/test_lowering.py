@@ -26,7 +26,8 @@ def lowering_segment() -> Segment:
 
 def robot_at_the_end(floor_below_m: float) -> PerfectRobot:
     """Return a robot that has lowered its object by plan, over a floor so far below."""
-    robot = PerfectRobot(WIDTH_M, q=lowering_segment().trajectory.qs[-1].copy())
+    q_end = lowering_segment().trajectory.qs[-1].copy()
+    robot = PerfectRobot(WIDTH_M, q=q_end, opening_m=WIDTH_M)
     robot.floor_m = float(gripper_pose(robot.q)[2, 3]) - floor_below_m
     return robot
 
