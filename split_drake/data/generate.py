@@ -24,7 +24,7 @@ false.
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,8 @@ from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.objects.scanned.usable import usable_mugs
 from split_drake.objects.task_object import ObjectSource, TaskObject
 from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
+from split_drake.station.config import StationConfig
+from split_drake.station.file.station_file import read_station
 from split_drake.station.layout import Layout
 from split_drake.station.layout_file import layout_to_fields
 
@@ -128,6 +130,8 @@ class GenerateConfig:
         scenes_per_mug: how many scenes of each shape.
         seed: of all draws, together with the mug's number.
         randomization: what varies from scene to scene.
+        station: a YAML file of where cameras and table stand, see
+            split_drake/station/file/station_file.py; the usual station where not given.
         workers: processes, 1 for this one alone; the scenes do not depend on them.
     """
 
@@ -136,6 +140,7 @@ class GenerateConfig:
     scenes_per_mug: int = 150
     seed: int = 0
     randomization: DomainRandomization = field(default_factory=DomainRandomization)
+    station: Path | None = None
     workers: int = len(os.sched_getaffinity(0))
 
     def __post_init__(self) -> None:
@@ -145,8 +150,29 @@ class GenerateConfig:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected at least 1")
         MugSource(self.mugs)
 
-    def recipe(self, layout: Layout) -> DatasetRecipe:
-        """Return what the scenes are made of: mugs with grasps that were tried in physics."""
+    def layout(self) -> Layout:
+        """Return where the file has cameras and table, or where they usually stand.
+
+        Says so where the file has more: rests come from drops that were made before, and noise is
+        added in training.  Raises BadInputError where the file cannot be used.
+        """
+        usual = StationConfig(Layout())
+        if self.station is None:
+            return usual.layout
+        asked = read_station(self.station, usual)
+        if replace(asked, layout=usual.layout) != usual:
+            Console(soft_wrap=True).print(
+                f"{self.station}: contact settings and depth noise do not change a dataset; rests "
+                "are those of split_drake.data.rests, and noise is added in training"
+            )
+        return asked.layout
+
+    def recipe(self) -> DatasetRecipe:
+        """Return what the scenes are made of: mugs with grasps that were tried in physics.
+
+        Raises BadInputError where a file of theirs is missing, or the station's cannot be used.
+        """
+        layout = self.layout()
         source = usable_mugs(MugSource(self.mugs), self.workers, Console()).source
         made_from = source_hashes(self.mugs)
         if source.left_out:
@@ -258,7 +284,7 @@ def _manifest(recipe: DatasetRecipe, out: Path, config: dict[str, Any]) -> dict[
 
 def main(config: GenerateConfig) -> None:
     """Generate the scenes that the command asks for."""
-    generate(config.recipe(Layout()), config.out, config.workers)
+    generate(config.recipe(), config.out, config.workers)
 
 
 if __name__ == "__main__":

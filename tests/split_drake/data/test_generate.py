@@ -53,9 +53,13 @@ from split_drake.pose_task import (
 )
 from split_drake.poses import check_poses, make_pose
 from split_drake.scene import Workspace
+from split_drake.station.config import StationConfig
+from split_drake.station.file.station_file import read_station
 from split_drake.station.layout import Layout, same_fixtures
+from split_drake.station.layout_file import layout_to_fields
 from tests.helpers.data import make_checked, make_rests
 
+HIGH_TABLE = Path("models/stations/high_table.yaml")
 NAMES = ("test_002", "test_007")
 SCENES = 4
 # The second mug has fewer grasps.
@@ -292,7 +296,7 @@ def test_impossible_options_are_named(tmp_path: Path) -> None:
 
 def test_the_command_s_mugs_have_the_rests_and_grasps_that_ship(tmp_path: Path) -> None:
     config = GenerateConfig(tmp_path, "test", scenes_per_mug=3, seed=7)
-    recipe = pickle.loads(pickle.dumps(config.recipe(Layout())))
+    recipe = pickle.loads(pickle.dumps(config.recipe()))
     assert recipe.source == MugSource("test")
     assert (recipe.tasks, recipe.scenes_per_object, recipe.seed) == (MUG_TASKS, 3, 7)
     assert set(recipe.made_from) == {"mugs", "grasps", "rests"}
@@ -413,3 +417,31 @@ def test_scenes_of_other_functions_are_not_mixed(tmp_path: Path) -> None:
     generate(recipe, tmp_path, workers=1)
     with pytest.raises(AnotherRunError, match="make_rests"):
         generate(replace(recipe, make_rests=other_rests), tmp_path, workers=1)
+
+
+def test_scenes_are_seen_by_the_cameras_of_a_station_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = GenerateConfig(tmp_path, "test", scenes_per_mug=4, station=HIGH_TABLE)
+    recipe = config.recipe()
+    layout = read_station(HIGH_TABLE, StationConfig(Layout())).layout
+    assert layout_to_fields(recipe.layout) == layout_to_fields(layout)
+    assert recipe.config() != GenerateConfig(tmp_path, "test", scenes_per_mug=4).recipe().config()
+    assert not capsys.readouterr().out
+    generate_shard(recipe, tmp_path, NAMES[0])
+    shard = read_shard(tmp_path / f"{NAMES[0]}.npz", MUG_TASKS)
+    table_z_m, workspace = layout.table_z_m, layout.workspace
+    assert table_z_m == 0.1
+    assert np.all(np.abs(shard["X_WOs"][:, :2, 3] - workspace.p_WCenter[:2]) < 0.15)
+    p_WOs = shard["X_WOs"][:, 2, 3]
+    assert np.all((p_WOs > table_z_m - 0.02) & (p_WOs < table_z_m + 0.1))
+
+
+def test_what_a_station_file_says_in_vain_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "station.yaml"
+    file.write_text("depth_noise: middle\n")
+    layout = GenerateConfig(tmp_path, "test", station=file).layout()
+    assert layout_to_fields(layout) == layout_to_fields(Layout())
+    assert "depth noise do not change a dataset" in " ".join(capsys.readouterr().out.split())

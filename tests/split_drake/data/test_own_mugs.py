@@ -23,7 +23,7 @@ def test_scenes_of_own_mugs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     (folder / "broken.stl").write_text("solid")
     mugs = str(folder)
     with pytest.raises(BadInputError, match=r"grasps of .* is missing; expected .*--mugs"):
-        GenerateConfig(tmp_path / "data", mugs, workers=1).recipe(Layout())
+        GenerateConfig(tmp_path / "data", mugs, workers=1).recipe()
     settle_split(SettleConfig(mugs, count=2, workers=1), Layout())
     checks = CheckConfig(mugs, per_mug=30, out=tmp_path / "checks", workers=1)
     check_split(checks, StationConfig(Layout()))
@@ -31,7 +31,7 @@ def test_scenes_of_own_mugs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert len(load_checked_grasps(mugs, "cup")) == 30
     assert rests.rests_path(mugs).is_relative_to("datasets/mugs")
     config = GenerateConfig(tmp_path / "data", mugs, scenes_per_mug=1, workers=1)
-    recipe = config.recipe(Layout())
+    recipe = config.recipe()
     assert recipe.source.names() == ("cup",)
     assert recipe.made_from["left_out"] == "broken"
     (tmp_path / "data").mkdir()
