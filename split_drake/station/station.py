@@ -16,6 +16,7 @@ from split_drake.poses import Array
 from split_drake.robot.arm_command import check_force
 from split_drake.robot.gripper import MAX_FORCE_N, MAX_OPENING_M
 from split_drake.robot.panda import add_panda, panda_positions
+from split_drake.sensing.depth_filter import DepthFilter
 from split_drake.station.config import StationConfig
 from split_drake.station.depth_cameras import add_depth_camera, add_renderer, depth_view, photograph
 from split_drake.station.detector_system import PoseDetectorSystem
@@ -173,10 +174,10 @@ class Station:
         return tuple(views)
 
     def _as_seen(self, view: DepthView) -> DepthView:
-        """Return a view with the noise of the cameras."""
+        """Return a view with the noise of the cameras, smoothed as their drivers do."""
         if self._noise is None or self._sensor_rng is None:
             return view
-        return self._noise.seen(view, self._sensor_rng)
+        return DepthFilter().seen(self._noise.seen(view, self._sensor_rng))
 
     # Setting up.
 

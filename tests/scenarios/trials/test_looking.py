@@ -189,6 +189,6 @@ def test_cameras_err_as_they_are_told_to_and_alike_for_a_seed() -> None:
     np.testing.assert_array_equal(view.depth_m, same[0].depth_m)
     seen = (view.depth_m > 0.0) & (clean.depth_m > 0.0)
     errors = np.abs(view.depth_m - clean.depth_m)[seen]
-    assert 0.001 < np.median(errors) < 0.004
+    assert 0.0002 < np.median(errors) < 0.001
     with pytest.raises(ValueError, match="depth_noise is 'middle'; it needs a sensor_rng"):
         Station(noisy.station)
