@@ -6,6 +6,11 @@ count as solved.  A planner keeps its own limit of time; --limit-s ends one that
 Problems are refused up front where `planning/checking/goals` has no file that says where plans to
 their subgoal must end.
 
+With `--problems FILE.yaml` planners join configurations and poses among boxes and cylinders by
+their free motions alone: robometrics' and MotionBenchMaker's problems for the Panda, in their keys
+(scenarios/bench/motions/robometrics_file.py).  `--export FILE.yaml` writes the free motions of the
+problems so, and ends.
+
 The output folder holds config.json, results.jsonl (a line for each problem and planner as it
 arises) and summary.json.  The same --out goes on where an interrupted run stopped.  The report is
 of the planners and problems asked for, whatever else the folder holds; pairs of planners are
@@ -24,7 +29,11 @@ from rich.console import Console
 from planning.checking.goal_checks import require_checks_in_files
 from planning.planner import planner_names
 from planning.problem_files import SHIPPED_PROBLEMS, load_problems
+from scenarios.bench.motions.export import exported
+from scenarios.bench.motions.robometrics_file import read_motion_problems, write_motion_problems
+from scenarios.bench.motions.run import motion_of
 from scenarios.bench.records import (
+    MOTION,
     BenchRecord,
     BenchTask,
     bench_run,
@@ -45,7 +54,9 @@ class BenchOptions:
 
     Attributes:
         planner: names of planners; on each problem another one goes first.
-        problems: file of `scenarios.record_problems`; those that ship with the project by default.
+        problems: file of `scenarios.record_problems`, or a YAML file of motions; those that ship
+            with the project by default.
+        export: a YAML file to write the problems' free motions to, in place of a bench.
         limit: use only the first so many problems of the file.
         seed: with the problem's number in the file, of all planners: they draw alike on one
             problem, and otherwise on the next.
@@ -56,6 +67,7 @@ class BenchOptions:
 
     planner: tuple[str, ...] = ("default",)
     problems: Path = SHIPPED_PROBLEMS
+    export: Path | None = None
     limit: int | None = None
     seed: int = 0
     workers: int = 1
@@ -78,10 +90,17 @@ class BenchOptions:
             raise ValueError(f"--seed is {self.seed}; expected 0 or more")
         if self.workers < 1:
             raise ValueError(f"--workers is {self.workers}; expected at least 1")
+        if self.export is not None and self.has_motions:
+            raise ValueError(f"--export: {self.problems} holds motions already; expected an npz")
+
+    @property
+    def has_motions(self) -> bool:
+        """Whether the problems are motions among boxes and cylinders."""
+        return self.problems.suffix in (".yaml", ".yml")
 
 
 # What may differ when a bench goes on: it changes no plan, and no time.
-_FREE_KEYS = ("planner", "limit", "limit_s", "out", "problems")
+_FREE_KEYS = ("planner", "limit", "limit_s", "out", "problems", "export")
 
 
 def bench_config(options: BenchOptions) -> dict[str, Any]:
@@ -120,8 +139,14 @@ def missing_tasks(
 def subgoals_of(options: BenchOptions) -> dict[str, str]:
     """Return {problem: name of its subgoal} of the problems asked for, in the file's order.
 
-    Raises SystemExit where plans to one of them could not be checked.
+    Motions have `MOTION` in place of a subgoal.  Raises SystemExit where plans to a problem could
+    not be checked, and BadInputError where a planner has no free motions of its own.
     """
+    if options.has_motions:
+        for planner in options.planner:
+            motion_of(planner)
+        names = list(read_motion_problems(options.problems))[: options.limit]
+        return dict.fromkeys(names, MOTION)
     problems = list(load_problems(options.problems).items())[: options.limit]
     subgoals = {name: problem.subgoal.name for name, problem in problems}
     try:
@@ -131,9 +156,21 @@ def subgoals_of(options: BenchOptions) -> dict[str, str]:
     return subgoals
 
 
+def export_motions(options: BenchOptions, path: Path, console: Console) -> Path:
+    """Write the problems' free motions to a file, and return it."""
+    problems = dict(list(load_problems(options.problems).items())[: options.limit])
+    motions, unsolved = exported(problems, options.seed)
+    write_motion_problems(path, motions)
+    counts = ", ".join(f"{len(found)} of {name}" for name, found in motions.items())
+    console.print(f"{path}: {counts}; {unsolved} of {len(problems)} problems were not solved")
+    return path
+
+
 def main(options: BenchOptions) -> Path:
-    """Run what is missing of the bench, report, and return the folder."""
+    """Run what is missing of the bench, report, and return the folder; or export the problems."""
     console = Console()
+    if options.export is not None:
+        return export_motions(options, options.export, console)
     folder = options.out or Path("runs/planner_bench") / datetime.now().strftime("%Y%m%d-%H%M%S")
     subgoals = subgoals_of(options)
     config, run = bench_config(options), bench_run(folder)

@@ -48,6 +48,7 @@ ROOMS = (
     "planning.checking",
     "scenarios.viewing",
     "scenarios.trials",
+    "scenarios.bench.motions",
     "scenarios.bench",
     "scenarios.study",
     "scenarios.detecting",

@@ -8,7 +8,8 @@ from pydrake.geometry import Capsule as DrakeCapsule
 from pydrake.geometry import Role
 from pydrake.planning import RobotDiagramBuilder
 
-from split_drake.poses import Array, transform_points
+from split_drake.objects.rigid import Primitive
+from split_drake.poses import Array, invert_pose, transform_points
 from split_drake.robot.gripper import Box
 from split_drake.robot.panda import add_panda
 from split_drake.station.fixtures import hook_primitives
@@ -45,6 +46,20 @@ def distance_to_box(p_FPs: Array, box: Box) -> Array:
     outside = np.maximum(np.subtract(box.lower, p_FPs), np.subtract(p_FPs, box.upper))
     outside = np.maximum(outside, 0.0)
     return np.sqrt(np.einsum("...j,...j->...", outside, outside))
+
+
+def distance_to_solid(p_WPs: Array, solid: Primitive) -> Array:
+    """Return distances (...) from points (..., 3) to a box or cylinder posed in W; 0 inside."""
+    p_SPs = transform_points(invert_pose(solid.X_OP), p_WPs)
+    if solid.kind == "box":
+        half = np.asarray(solid.size) / 2.0
+        return distance_to_box(p_SPs, Box(tuple(-half), tuple(half)))
+    if solid.kind != "cylinder":
+        raise ValueError(f"the solid is a {solid.kind}; expected a box or a cylinder")
+    radius_m, length_m = solid.size
+    beside = np.maximum(np.hypot(p_SPs[..., 0], p_SPs[..., 1]) - radius_m, 0.0)
+    beyond = np.maximum(np.abs(p_SPs[..., 2]) - length_m / 2.0, 0.0)
+    return np.asarray(np.hypot(beside, beyond))
 
 
 @cache

@@ -5,6 +5,7 @@ of points with a radius, standing in the world or held by the hand; it is checke
 of its points, so that contacts can be exempted point by point and objects change for free.
 """
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -19,6 +20,7 @@ from planning.collision.distances import (
     arm_capsules,
     distance_to_box,
     distance_to_segments,
+    distance_to_solid,
     hook_capsules,
 )
 from planning.collision.exemptions import MAX_TABLE_DEPTH_M
@@ -28,7 +30,13 @@ from split_drake.poses import Array, invert_pose
 from split_drake.robot.gripper import PALM, Box, finger_boxes
 from split_drake.robot.kinematics import X_7G, link_poses
 from split_drake.robot.panda import add_panda, panda_positions
-from split_drake.station.fixtures import add_bin, add_hook, add_table, bin_primitives
+from split_drake.station.fixtures import (
+    add_bin,
+    add_hook,
+    add_solids,
+    add_table,
+    bin_primitives,
+)
 from split_drake.station.layout import Layout
 
 # Joint motions are checked at steps of this size.
@@ -75,15 +83,22 @@ class CollisionWorld:
         free_motion_checker: with the larger ones of free motions.
         layout: of the station.
         p_WObstacles: (O, 3) points that stand beside the object, which nothing may touch.
+
+    Args:
+        layout: of the station.
+        solids: boxes and cylinders that stand in the world, their poses in W, without a margin.
     """
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: Layout, solids: Sequence[Primitive] = ()) -> None:
         self.layout = layout
         self.p_WObstacles: Array = np.empty((0, 3))
-        self.checker = static_checker(layout, HOOK_MARGIN_M, TABLE_MARGIN_M)
-        self.free_motion_checker = static_checker(layout, HOOK_MARGIN_M, FAST_TABLE_MARGIN_M)
+        self.checker = static_checker(layout, HOOK_MARGIN_M, TABLE_MARGIN_M, solids)
+        self.free_motion_checker = static_checker(
+            layout, HOOK_MARGIN_M, FAST_TABLE_MARGIN_M, solids
+        )
         self._peg, self._post = hook_capsules(layout)
         self._bin = tuple(_box_in_world(each) for each in bin_primitives(layout))
+        self._solids = tuple(solids)
 
     def among(self, p_WObstacles: Array) -> "CollisionWorld":
         """Return the same world with obstacles (O, 3) in place of those that it has."""
@@ -130,6 +145,7 @@ class CollisionWorld:
             free &= self._clear_of_table(p_WPs, X_WGs[:, 2, 3], situation)
             free &= self._clear_of_hook(p_WPs, situation)
             free &= self._clear_of_bin(p_WPs)
+            free &= self._clear_of_solids(p_WPs)
             if situation.p_WStanding is not None:
                 free &= _apart(p_WPs, situation.p_WStanding)
             if among:
@@ -163,6 +179,13 @@ class CollisionWorld:
         free = np.ones(len(p_WPs), dtype=bool)
         for wall in self._bin:
             free &= distance_to_box(p_WPs, wall).min(axis=1) > POINT_RADIUS_M
+        return free
+
+    def _clear_of_solids(self, p_WPs: Array) -> BoolArray:
+        """Return (B,): whether the held points (B, N, 3) are clear of the world's solids."""
+        free = np.ones(len(p_WPs), dtype=bool)
+        for solid in self._solids:
+            free &= distance_to_solid(p_WPs, solid).min(axis=1) > POINT_RADIUS_M
         return free
 
 
@@ -241,11 +264,14 @@ def _arm_free(X_WLs: Array, p_WPs: Array, last_link: int) -> BoolArray:
 
 
 def static_checker(
-    layout: Layout, hook_margin_m: float, table_margin_m: float
+    layout: Layout,
+    hook_margin_m: float,
+    table_margin_m: float,
+    solids: Sequence[Primitive] = (),
 ) -> SceneGraphCollisionChecker:
     """Return the checker of the robot against table, hook and bin, grown by margins, and itself.
 
-    The bin has the table's margin.
+    The bin has the table's margin, `solids` have none.
     """
     hook = replace(
         layout.hook,
@@ -259,6 +285,7 @@ def static_checker(
     add_table(builder.plant(), layout, table_margin_m)
     add_hook(builder.plant(), replace(layout, hook=hook))
     add_bin(builder.plant(), layout, table_margin_m)
+    add_solids(builder.plant(), solids)
     return SceneGraphCollisionChecker(
         model=builder.Build(),
         robot_model_instances=[panda],

@@ -61,6 +61,11 @@ class PickPlacePlanner:
         self._ik = DrakeIk()
         self._world: CollisionWorld | None = None
 
+    @property
+    def motion(self) -> FreeMotion:
+        """What joins its straight lines."""
+        return self._free_motion
+
     def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
         """Return a plan, or the counts of what candidates were rejected by."""
         if not len(problem.pose_sets[GRASP.name]):

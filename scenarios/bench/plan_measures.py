@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.planning import RobotCollisionType
+from pydrake.planning import RobotCollisionType, SceneGraphCollisionChecker
 
 from planning.collision.distances import (
     arm_capsules,
@@ -94,15 +94,39 @@ class PlanMeter:
 
     def _static_clearance(self, q: Array, opening_m: float) -> float:
         """Return the distance of the robot to table and hook, at most `FARTHEST_M`."""
-        found = self._checker.CalcRobotClearance(panda_positions(q, opening_m), FARTHEST_M)
-        types = np.array(found.collision_types(), dtype=object)
-        outside = types == RobotCollisionType.kEnvironmentCollision
-        return float(np.min(found.distances()[outside], initial=FARTHEST_M))
+        return _static_clearance(self._checker, q, opening_m)
 
     def _held_clearance(self, p_WPs: Array) -> float:
         """Return the distance of held points (N, 3) to table and hook."""
         gaps = [distance_to_segments(p_WPs, *c.p_FEnds).min() - c.radius_m for c in self._hook]
         return float(min(*gaps, p_WPs[:, 2].min() - self._table_z_m))
+
+
+def measure_motion(
+    checker: SceneGraphCollisionChecker, trajectory: JointTrajectory, opening_m: float
+) -> PlanMeasures:
+    """Return the figures of one free motion, its clearance being the robot's in a checker's world.
+
+    Args:
+        checker: of the robot against what stands around it.
+        trajectory: of the motion.
+        opening_m: distance between the pads.
+    """
+    dense = densified(_sparse(trajectory.qs), STEP_RAD)
+    return PlanMeasures(
+        duration_s=trajectory.duration_s,
+        path_length_rad=_length_rad(trajectory.qs),
+        rms_jerk_rad_s3=rms_jerk([trajectory]),
+        clearance_m=min(_static_clearance(checker, q, opening_m) for q in dense),
+    )
+
+
+def _static_clearance(checker: SceneGraphCollisionChecker, q: Array, opening_m: float) -> float:
+    """Return the distance of the robot to a checker's world, at most `FARTHEST_M`."""
+    found = checker.CalcRobotClearance(panda_positions(q, opening_m), FARTHEST_M)
+    types = np.array(found.collision_types(), dtype=object)
+    outside = types == RobotCollisionType.kEnvironmentCollision
+    return float(np.min(found.distances()[outside], initial=FARTHEST_M))
 
 
 def rms_jerk(trajectories: list[JointTrajectory]) -> float:

@@ -14,9 +14,12 @@ import numpy as np
 
 from planning.checking.checked_planner import PlanChecker, check_points
 from planning.planner import Planner, make_planner
-from planning.problem import Plan, PlanFailure, PlanningProblem
+from planning.problem import Plan, PlanFailure, PlanningProblem, Stage
 from planning.problem_files import load_problems
-from scenarios.bench.plan_measures import PlanMeasures, PlanMeter
+from scenarios.bench.motions.problem import MotionProblem
+from scenarios.bench.motions.robometrics_file import read_motion_problems
+from scenarios.bench.motions.run import MotionTask, motion_of
+from scenarios.bench.plan_measures import PlanMeasures, PlanMeter, measure_motion
 from split_drake.experiments.pool import WORKER_DIED
 from split_drake.experiments.run import RunFolder
 from split_drake.station.layout_file import layout_from_json, layout_to_json
@@ -26,6 +29,8 @@ SOLVED = "solved"
 # or the measuring raise.
 REFUSED = "refused by the checker"
 ERROR = "error"
+# What the problems of a file of motions are for, where others have a subgoal.
+MOTION = "motion"
 
 _PLANNERS: dict[str, Planner] = {}
 
@@ -98,6 +103,8 @@ class BenchTask:
 def run_task(task: BenchTask) -> BenchRecord:
     """Plan, and record what became of it."""
     logging.getLogger("drake").setLevel(logging.WARNING)
+    if task.subgoal == MOTION:
+        return _run_motion(task)
     problem = _problems(task.file)[task.problem]
     make = partial(_warm_planner, task.planner, problem)
     return run_planner(make, task.planner, problem, task.problem, task.seed)
@@ -133,6 +140,37 @@ def run_planner(
     except Exception:
         return record(ERROR, traceback.format_exc(), *seconds)
     return record(verdict, reason, *seconds, measures, search)
+
+
+def _run_motion(task: BenchTask) -> BenchRecord:
+    """Plan a motion of a file, check it, and measure it."""
+    seconds: tuple[float | None, float | None] = (None, None)
+    record = partial(BenchRecord, task.problem, task.planner, subgoal=MOTION)
+    try:
+        made, motion = _motion_task(task.file, task.problem), motion_of(task.planner)
+        started, started_cpu = time.perf_counter(), time.process_time()
+        outcome = made.plan(motion, np.random.default_rng(task.seed))
+        seconds = (time.perf_counter() - started, time.process_time() - started_cpu)
+        if isinstance(outcome, str):
+            return record(Stage.PLANNING.value, outcome, *seconds)
+        if fault := made.fault(outcome):
+            return record(REFUSED, fault, *seconds)
+        opening_m = made.situation.opening_m
+        measures = measure_motion(made.world.checker, outcome, opening_m)
+        return record(SOLVED, "", *seconds, measures)
+    except Exception:
+        return record(ERROR, traceback.format_exc(), *seconds)
+
+
+@lru_cache(maxsize=1)
+def _motion_task(file: Path, name: str) -> MotionTask:
+    """Return a problem in its world, which all planners share: they take turns on a problem."""
+    return MotionTask.of(_motions(file)[name])
+
+
+@lru_cache(maxsize=1)
+def _motions(file: Path) -> dict[str, MotionProblem]:
+    return read_motion_problems(file)
 
 
 def _judged(

@@ -32,6 +32,7 @@ from split_drake.station.layout import FLOOR_DEPTH_M, Layout
 TABLE_BODY = "table"
 HOOK_BODY = "hook"
 BIN_BODY = "bin"
+SOLIDS_BODY = "solids"
 
 LEG_EDGE_M = 0.05
 
@@ -115,6 +116,12 @@ def add_bin(plant: MultibodyPlant, layout: Layout, margin_m: float = 0.0) -> Non
     """Add the bin, grown by a margin, welded to the world, where the layout has one."""
     if layout.bin is not None:
         _add_fixed(plant, BIN_BODY, np.eye(4), bin_primitives(layout, margin_m), _BIN_RGBA)
+
+
+def add_solids(plant: MultibodyPlant, solids: Sequence[Primitive]) -> None:
+    """Add shapes, their poses in W, welded to the world, where there are any."""
+    if solids:
+        _add_fixed(plant, SOLIDS_BODY, np.eye(4), solids, _STAND_RGBA)
 
 
 def add_scenery(plant: MultibodyPlant, layout: Layout) -> None:
