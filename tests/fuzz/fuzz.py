@@ -16,9 +16,11 @@ from rich.progress import track
 
 from split_drake.bad_input import require_count, require_numbers
 from split_drake.experiments.command import run_command
-from tests.fuzz.targets import TARGETS
+from tests.fuzz import targets
+from tests.fuzz.model_targets import MODEL_TARGETS
 
 _LONGEST = 1000
+TARGETS = (*targets.TARGETS, *MODEL_TARGETS)
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,9 @@ def _refusal(name: str, error: ValueError) -> Outcome:
     """Return a refusal; a fault where it is no sentence of this project."""
     told = str(error)
     raised_in = traceback.extract_tb(error.__traceback__)[-1].filename
-    ours = any(f"/{room}/" in raised_in for room in ("split_drake", "planning", "tests"))
+    ours = any(
+        f"/{room}/" in raised_in for room in ("split_drake", "planning", "scenarios", "tests")
+    )
     if ours and told and "\n" not in told and len(told) <= _LONGEST:
         return Outcome(name, "refused")
     return Outcome(name, "fault", f"told in {raised_in}: {told[:_LONGEST]!r}")
