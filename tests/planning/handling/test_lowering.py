@@ -59,6 +59,17 @@ def test_over_nothing_the_arm_moves_up_again_and_says_so(world: CollisionWorld) 
     np.testing.assert_allclose(robot.q, q_start, atol=1e-3)
 
 
+def test_an_arm_that_loses_the_object_on_the_way_moves_up_again_as_well(
+    world: CollisionWorld,
+) -> None:
+    robot = robot_at_the_end(np.inf)
+    robot.lost_s = 0.3
+    q_start = robot.q.copy()
+    done = Lowering(Executor(robot), world).go_on(lowering_segment())
+    assert not done.completed and done.fault is Fault.EMPTY
+    np.testing.assert_allclose(robot.q, q_start, atol=1e-3)
+
+
 def test_where_the_arm_can_move_no_lower_nothing_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("planning.handling.lowering.follow", lambda *_: None)
     robot = robot_at_the_end(np.inf)
