@@ -20,8 +20,8 @@ from planning.motion.timing import FEELING
 from planning.problem import Segment, SegmentName, Stage
 from split_drake.robot.kinematics import gripper_pose
 
-# Beyond the planned lowering, of 15 mm on a hook.  A handle's outer edge is 20 mm from its opening's
-# middle (median), 33 mm at most of 280 mugs, and the peg's radius of 6 mm comes off that.
+# Beyond the planned lowering, of 15 mm on a hook.  A handle's outer edge is 20 mm from the middle
+# of its opening (median), 33 mm at most of 280 mugs; the peg's radius of 6 mm comes off that.
 FURTHER_M = 0.02
 
 
