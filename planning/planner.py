@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from planning.problem import Plan, PlanFailure, PlanningProblem
-from planning.room_files import file_of, modules_in
+from split_drake.experiments.room_files import file_of, modules_in
 
 
 class Planner(Protocol):

@@ -9,8 +9,8 @@ from enum import StrEnum
 from functools import cache
 
 from planning.geometry.perceived import PerceivedObject
-from planning.room_files import constants_in
 from split_drake.bad_input import require_numbers
+from split_drake.experiments.room_files import constants_in
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP, PoseTask
 from split_drake.poses import Array

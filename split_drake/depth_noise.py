@@ -25,6 +25,15 @@ from split_drake.poses import Array
 Mask = NDArray[np.bool_]
 
 
+def with_normal_noise(
+    depth_m: NDArray[np.float32], std_m: float, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """Return a depth image (H, W) with normal noise of each pixel; what saw nothing stays so."""
+    noisy = depth_m + rng.normal(0.0, std_m, depth_m.shape)
+    seen = (depth_m > 0.0) & np.isfinite(depth_m)
+    return np.where(seen, np.maximum(noisy, 0.0), depth_m).astype(np.float32)
+
+
 @dataclass(frozen=True)
 class DepthNoise:
     """How a depth camera errs.

@@ -32,6 +32,8 @@ ROOMS = (
     "split_drake.truth",
     "split_drake.data",
     "split_drake.training",
+    "split_drake.baselines.learning",
+    "split_drake.baselines.learning.methods",
     "split_drake.evaluation",
     "split_drake.tuning",
     "split_drake.studies",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cache
 
 from planning.problem import Plan, PlanningProblem
-from planning.room_files import constants_in
+from split_drake.experiments.room_files import constants_in
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,16 @@ from typing import Protocol
 
 import numpy as np
 
-from planning.room_files import constants_in
 from scenarios.clutter.clearing import Clearing
 from split_drake.bad_input import BadInputError
+from split_drake.experiments.room_files import constants_in
 from split_drake.pose_set import PoseDetector, PoseSet
 from split_drake.pose_task import GRASP, PoseTask, find_tasks
 from split_drake.poses import Array
 from split_drake.scene import Scene
 
 _ROOM = "scenarios.clutter.detectors"
+TRAINED_OR_PUBLISHED = "weights trained here (.safetensors), or published by its authors (.pt)"
 
 
 class GraspFinder(Protocol):

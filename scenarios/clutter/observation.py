@@ -7,6 +7,7 @@ import numpy as np
 from scipy.ndimage import zoom
 
 from split_drake.camera import DepthView, Intrinsics, look_at
+from split_drake.depth_noise import with_normal_noise
 from split_drake.scene import Scene, Workspace
 from split_drake.station.layout import CameraPlacement
 from split_drake.table_fit import on_table
@@ -59,18 +60,9 @@ def observe(
     if noise != "gaussian":
         return scene
     (view_rng,) = rng.spawn(1)  # so that the points' noise is the same whatever the image has
-    noisy = replace(view, depth_m=with_normal_noise(view.depth_m, view_rng))
+    # What makes a TSDF of views is so shown as much noise as what samples points.
+    noisy = replace(view, depth_m=with_normal_noise(view.depth_m, GAUSSIAN_M, view_rng))
     return replace(scene.with_noise(GAUSSIAN_M, rng), views=(noisy,))
-
-
-def with_normal_noise(depth_m: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return a depth image (H, W) with normal noise of each pixel; 0 stays 0.
-
-    What makes a TSDF of views is so shown as much noise as what samples points.
-    """
-    noisy = depth_m + rng.normal(0.0, GAUSSIAN_M, depth_m.shape)
-    seen = (depth_m > 0.0) & np.isfinite(depth_m)
-    return np.where(seen, np.maximum(noisy, 0.0), depth_m).astype(np.float32)
 
 
 def dex_noise(depth_m: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -21,7 +21,11 @@ def load_published(network: Network, path: Path) -> Network:
 
     Raises PublishedWeightsError where the file cannot be read, or holds those of another network.
     """
-    given = _state_dictionary(path)
+    return fitted(network, path, _state_dictionary(path))
+
+
+def fitted(network: Network, path: Path, given: dict[str, Tensor]) -> Network:
+    """Return the network with parameters that came from a file; see `load_published`."""
     expected = network.state_dict()
     named = type(network).__name__
     for what, names in (

@@ -17,7 +17,7 @@ from split_drake.experiments.run import (
 from split_drake.files import read_json_object, write_atomically, write_json
 
 # A resumed run may be longer or shorter; the state tells whether the device fits.
-_MAY_CHANGE = {"minutes", "steps", "device", "workers"}
+_MAY_CHANGE = {"minutes", "steps", "epochs", "device", "workers"}
 
 
 class TrainingFolder:
@@ -28,15 +28,19 @@ class TrainingFolder:
         config: the options that the run was started with.
         state: from which it goes on.
         curves: a JSON object a line, with its "step".
-        weights: the averaged weights as of the last save.
+        weights: as of the last save.
+
+    Args:
+        path: of the folder.
+        weights: name of the weights' file.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, weights: str = "split.safetensors") -> None:
         self.path = path
         self.config = path / CONFIG
         self.state = path / "state.pt"
         self.curves = path / "curves.jsonl"
-        self.weights = path / "split.safetensors"
+        self.weights = path / weights
 
     @contextmanager
     def locked(self, resume: bool) -> Iterator[None]:

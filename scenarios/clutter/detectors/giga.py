@@ -1,21 +1,21 @@
-"""GIGA (arXiv 2104.01542), with the parameters that its authors published."""
+"""GIGA (arXiv 2104.01542), with weights trained here or published by its authors."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scenarios.clutter.detection import with_parameters
+from scenarios.clutter.detection import TRAINED_OR_PUBLISHED, with_parameters
 
 if TYPE_CHECKING:  # PyTorch is imported by those who need it
     from split_drake.baselines.giga.detector import GigaDetector
 
 
 def load(checkpoint: Path) -> "GigaDetector":
-    """Return GIGA with the parameters of a file."""
+    """Return GIGA with the weights of a file."""
     from split_drake.baselines.giga.detector import GigaDetector
     from split_drake.baselines.giga.network import GigaNetwork
-    from split_drake.baselines.published import load_published
+    from split_drake.baselines.weights import load_weights
 
-    return GigaDetector(load_published(GigaNetwork(), checkpoint))
+    return GigaDetector(load_weights(GigaNetwork(), "giga", checkpoint))
 
 
-DETECTOR = with_parameters("giga", "the .pt file of parameters that its authors published", load)
+DETECTOR = with_parameters("giga", TRAINED_OR_PUBLISHED, load)

@@ -3,6 +3,7 @@
 The features are those of convolutional occupancy networks (Peng et al. 2020, arXiv 2003.04618).
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
@@ -51,28 +52,38 @@ class GigaNetwork(nn.Module):
 
     def forward(self, tsdf: Tensor, points: Tensor) -> PointGrasps:
         """Return grasps at points (B, N, 3) for fields (B, r, r, r) of r = 40."""
-        features = self.features(tsdf, points)
+        return self.grasps(self.encode(tsdf), points)
+
+    def encode(self, tsdf: Tensor) -> tuple[Tensor, ...]:
+        """Return a plane (B, C, r, r) of features for each of `PLANES`."""
+        if tsdf.shape[1:] != (RESOLUTION,) * 3:
+            raise ValueError(f"tsdf has shape {tuple(tsdf.shape)}; expected (B, 40, 40, 40)")
+        planes: tuple[Tensor, ...] = self.encoder(tsdf)
+        return planes
+
+    def grasps(self, planes: Sequence[Tensor], points: Tensor) -> PointGrasps:
+        """Return grasps at points (B, N, 3), of what `encode` returned."""
+        features = read_planes(planes, points)
         return PointGrasps(
             torch.sigmoid(self.decoder_qual(points, features))[..., 0],
             functional.normalize(self.decoder_rot(points, features), dim=-1),
             self.decoder_width(points, features)[..., 0],
         )
 
-    def occupancy(self, tsdf: Tensor, points: Tensor) -> Tensor:
+    def occupancy(self, planes: Sequence[Tensor], points: Tensor) -> Tensor:
         """Return the logits (B, N) of points' (B, N, 3) being within an object."""
-        logits: Tensor = self.decoder_tsdf(points, self.features(tsdf, points))[..., 0]
+        logits: Tensor = self.decoder_tsdf(points, read_planes(planes, points))[..., 0]
         return logits
 
-    def features(self, tsdf: Tensor, points: Tensor) -> Tensor:
-        """Return what the planes show at points (B, N, 3), joined, (B, N, 96)."""
-        if tsdf.shape[1:] != (RESOLUTION,) * 3:
-            raise ValueError(f"tsdf has shape {tuple(tsdf.shape)}; expected (B, 40, 40, 40)")
-        found = []
-        for plane, axes in zip(self.encoder(tsdf), PLANES, strict=True):
-            places = 2.0 * _within(points[..., axes])[:, :, None] - 1.0
-            read = functional.grid_sample(plane, places, padding_mode="border", align_corners=True)
-            found.append(read[..., 0].transpose(1, 2))
-        return torch.cat(found, dim=-1)
+
+def read_planes(planes: Sequence[Tensor], points: Tensor) -> Tensor:
+    """Return what planes (B, C, r, r) show at points (B, N, 3), joined, (B, N, 96)."""
+    found = []
+    for plane, axes in zip(planes, PLANES, strict=True):
+        places = 2.0 * _within(points[..., axes])[:, :, None] - 1.0
+        read = functional.grid_sample(plane, places, padding_mode="border", align_corners=True)
+        found.append(read[..., 0].transpose(1, 2))
+    return torch.cat(found, dim=-1)
 
 
 class PlaneEncoder(nn.Module):
@@ -86,24 +97,27 @@ class PlaneEncoder(nn.Module):
     def forward(self, tsdf: Tensor) -> tuple[Tensor, ...]:
         """Return a plane (B, C, r, r) of features for each of `PLANES`, its first axis last."""
         voxels = functional.relu(self.conv_in(tsdf[:, None]))
-        flat = voxels.flatten(2)
-        return tuple(self.unet(_averaged(flat, _pixels(axes, tsdf.device))) for axes in PLANES)
+        return tuple(self.unet(_averaged(voxels, axes)) for axes in PLANES)
 
 
-def _pixels(axes: tuple[int, int], device: torch.device) -> Tensor:
-    """Return the pixel (r^3,) of a plane that each voxel falls onto."""
-    line = torch.linspace(-0.5, 0.5, RESOLUTION, device=device)
-    grid = torch.stack(torch.meshgrid(line, line, line, indexing="ij"), dim=-1).flatten(0, 2)
-    first, second = (_within(grid[:, axes]) * RESOLUTION).long().unbind(-1)
-    return first + RESOLUTION * second
+def _averaged(voxels: Tensor, axes: tuple[int, int]) -> Tensor:
+    """Return (B, C, r, r): the mean of the voxels (B, C, r, r, r) that fall onto each pixel.
 
-
-def _averaged(features: Tensor, pixels: Tensor) -> Tensor:
-    """Return (B, C, r, r): the mean of the features (B, C, N) that fall onto each pixel (N,)."""
-    batch, channels, _ = features.shape
-    sums = features.new_zeros(batch, channels, RESOLUTION**2).index_add(2, pixels, features)
+    The plane has the first of the `axes` last.
+    """
+    (across,) = {0, 1, 2} - set(axes)
+    columns = voxels.mean(2 + across).transpose(2, 3).flatten(2)
+    pixels = _pixels(voxels.device)
+    sums = columns.new_zeros(columns.shape).index_add(2, pixels, columns)
     counts = torch.bincount(pixels, minlength=RESOLUTION**2).clamp(min=1)
     return (sums / counts).unflatten(2, (RESOLUTION, RESOLUTION))
+
+
+def _pixels(device: torch.device) -> Tensor:
+    """Return the pixel (r^2,) of a plane that each column of voxels falls onto."""
+    line = (_within(torch.linspace(-0.5, 0.5, RESOLUTION, device=device)) * RESOLUTION).long()
+    second, first = torch.meshgrid(line, line, indexing="ij")
+    return (first + RESOLUTION * second).flatten()
 
 
 def _within(coordinates: Tensor) -> Tensor:

@@ -9,7 +9,7 @@ import torch
 from torch.nn import functional
 
 from split_drake.baselines.giga.detector import SELECTION, GigaDetector
-from split_drake.baselines.giga.network import GigaNetwork
+from split_drake.baselines.giga.network import GigaNetwork, read_planes
 from split_drake.baselines.selection import SelectionConfig
 from split_drake.baselines.tsdf import fused_tsdf
 from split_drake.pose_task import UPRIGHT, UnknownTaskError
@@ -29,7 +29,7 @@ def test_the_network_has_gigas_parameters() -> None:
     assert found.quality.shape == found.width.shape == (2, 7)
     assert torch.allclose(found.quaternion_xyzw.norm(dim=-1), torch.ones(2, 7))
     assert ((found.quality >= 0.0) & (found.quality <= 1.0)).all()
-    assert network.occupancy(tsdf, points).shape == (2, 7)
+    assert network.occupancy(network.encode(tsdf), points).shape == (2, 7)
     with pytest.raises(ValueError, match=r"expected \(B, 40, 40, 40\)"):
         network(torch.zeros(1, 32, 32, 32), points)
 
@@ -42,7 +42,7 @@ def test_a_point_sees_the_place_that_it_is_at() -> None:
     i, j, k = 5, 11, 29
     # Voxel i of the field stands at i / 39 of the cube's edge, and so does a pixel of a plane.
     point = torch.tensor([i, j, k], dtype=torch.float64) / (EDGE - 1) - 0.5
-    found = network.features(tsdf, point[None, None])[0, 0]
+    found = read_planes(network.encode(tsdf), point[None, None])[0, 0]
     expected = torch.cat(
         [voxels.mean(2)[:, i, k], voxels.mean(3)[:, i, j], voxels.mean(1)[:, j, k]]
     )
@@ -78,5 +78,5 @@ def test_the_authors_weights_find_grasps_on_the_objects() -> None:
     queries = np.array([[x, y, z] for _, x, y in places for z in (0.02, 0.045, 0.08, 0.15)])
     points = torch.tensor((queries - inside) / workspace.edge_m, dtype=torch.float32)
     with torch.inference_mode():
-        solid = network.occupancy(torch.tensor(field)[None], points[None])[0] > 0.0
+        solid = network.occupancy(network.encode(torch.tensor(field)[None]), points[None])[0] > 0.0
     assert solid.tolist() == [True, True, True, False, True, True, False, False]

@@ -103,3 +103,15 @@ def test_the_authors_weights_find_grasps_on_the_objects() -> None:
     assert all((each < 0.05).any() for each in distances)
     # A hand comes from above or from the side, and never from below.
     assert (found.X_WPs[:, 2, 2] < 0.1).all()
+
+
+def test_a_voxel_alone_says_what_it_says_among_all() -> None:
+    network, generator = VgnNetwork(), torch.Generator().manual_seed(0)
+    fields = torch.rand(2, 40, 40, 40, generator=generator)
+    voxels = torch.randint(40, (2, 9, 3), generator=generator)
+    voxels[0, :2] = torch.tensor([[0, 0, 0], [39, 39, 39]])
+    scene = torch.arange(2)[:, None]
+    with torch.inference_mode():
+        for whole, alone in zip(network(fields), network.at(fields, voxels), strict=True):
+            expected = whole[scene, voxels[..., 0], voxels[..., 1], voxels[..., 2]]
+            torch.testing.assert_close(alone, expected, rtol=1e-4, atol=1e-5)

@@ -1,0 +1,1 @@
+"""How the other methods are trained, on the scenes and labels that SPLIT is trained on."""

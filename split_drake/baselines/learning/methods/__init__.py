@@ -1,0 +1,1 @@
+"""What each method learns from a batch of scenes, a file each."""
