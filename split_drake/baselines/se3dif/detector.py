@@ -1,6 +1,8 @@
 """Grasps by SE(3)-DiffusionFields, of the whole cloud or of each segment of it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from math import ceil
 
 import numpy as np
 import torch
@@ -29,7 +31,7 @@ class Se3DifDetector:
     Args:
         network: whose energy is followed.
         segments: whether each segment is looked at alone, or the whole cloud at once.
-        sampler: how poses are drawn; of segments, as many in all, shared by their points.
+        sampler: how poses are drawn; segments share the samples equally.
     """
 
     tasks = (GRASP,)
@@ -54,20 +56,23 @@ class Se3DifDetector:
 
     def _grasps(self, scene: Scene, generator: torch.Generator) -> PoseSet:
         parts = scenes_of_objects(scene) if self._segments else [scene]
-        found = [self._grasps_of(part.p_WSs, generator) for part in parts]
+        sampler = replace(self._sampler, samples=ceil(self._sampler.samples / len(parts)))
+        found = [self._grasps_of(part.p_WSs, sampler, generator) for part in parts]
         X_WGs = np.concatenate([each[0] for each in found])
         scores = np.concatenate([each[1] for each in found])
         p_VGs = X_WGs[:, :3, 3] - scene.workspace.p_WV
         inside = np.all((p_VGs > 0.0) & (p_VGs < scene.workspace.edge_m), axis=1)
         return PoseSet.ranked(GRASP, X_WGs[inside], scores[inside])
 
-    def _grasps_of(self, p_WPs: Array, generator: torch.Generator) -> tuple[Array, Array]:
+    def _grasps_of(
+        self, p_WPs: Array, sampler: Se3DifSampler, generator: torch.Generator
+    ) -> tuple[Array, Array]:
         """Return grasps (N, 4, 4) and scores (N,) of a cloud (P, 3)."""
         points = torch.tensor(p_WPs, dtype=torch.float32)
         cloud, middle = scaled_cloud(drawn_points(points, CLOUD_POINTS, generator))
         with torch.no_grad():
             code = self._network.encode(cloud[None])
-            R, p, energy = self._sampler.draw(self._network, code, generator)
+            R, p, energy = sampler.draw(self._network, code, generator)
         p_WGs = p / SCALE + middle
         R_WGs = _orthonormal(R.double().numpy())
         return make_pose(R_WGs, p_WGs.double().numpy()), torch.sigmoid(-energy).double().numpy()

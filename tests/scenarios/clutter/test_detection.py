@@ -18,6 +18,7 @@ from scenarios.clutter.detectors import split
 from scenarios.clutter.detectors.oracle import TrueGrasps
 from scenarios.clutter.observation import observe, side_camera
 from split_drake.baselines.published import PublishedWeightsError
+from split_drake.baselines.weights import BaselineWeightsError
 from split_drake.data.clutter.labels import clears_table
 from split_drake.data.clutter.library import ObjectGrasps
 from split_drake.objects.rigid import RigidObject
@@ -170,6 +171,10 @@ def test_a_checkpoint_of_no_use_is_told_before_the_first_round(tmp_path: Path) -
         UnknownTaskError, match=r"upright.safetensors has no task 'grasp'; it has up"
     ):
         clutter_detector("split", weights).check(weights)
-    with pytest.raises(PublishedWeightsError, match=r"upright.safetensors does not hold the param"):
+    with pytest.raises(BaselineWeightsError, match=r"upright.safetensors is of format .*split"):
         clutter_detector("giga", weights).check(weights)
+    plain = tmp_path / "weights.pt"
+    plain.write_bytes(b"nothing of PyTorch's")
+    with pytest.raises(PublishedWeightsError, match=r"weights.pt is no PyTorch state dictionary"):
+        clutter_detector("giga", plain).check(plain)
     clutter_detector("oracle", None).check(None)

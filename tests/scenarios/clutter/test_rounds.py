@@ -117,7 +117,10 @@ def test_a_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
         ({"first_seed": -1}, "--first-seed is -1; .*0 or more"),
         ({"detector": "split"}, "--detector split needs --checkpoint"),
         ({"detector": "split", "checkpoint": Path("none")}, "there is no file none"),
-        ({"detector": "vng"}, "--detector is 'vng'; expected one of giga, oracle, split"),
+        (
+            {"detector": "vng"},
+            "--detector is 'vng'; expected one of giga, oracle, se3dif, se3dif_segments, split",
+        ),
     ],
 )
 def test_bad_options_are_named(options: dict[str, object], message: str) -> None:
