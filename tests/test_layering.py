@@ -56,6 +56,7 @@ ROOMS = (
     "scenarios.detecting",
     "scenarios.clutter",
     "scenarios.clutter.detectors",
+    "scenarios.tables",
     "scenarios",
     "scenarios.making",
     "scenarios.measuring",

@@ -1,0 +1,72 @@
+"""What the runs of Table I come to: a cell for each method and kind of scene."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scenarios.clutter.records import Removal, RoundRecord, clutter_run
+from scenarios.clutter.spec import SceneKind
+from scenarios.tables.rows import TableRow
+from split_drake.bad_input import BadInputError
+from split_drake.experiments.run import CONFIG
+from split_drake.files import read_json_object
+
+# What has to be the same in all cells of a table, so that methods meet the same scenes.
+SAME = ("objects_sha256", "noise", "fit_table", "select", "robot", "first_seed")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The rounds of one method in one kind of scene.
+
+    Attributes:
+        row: the method.
+        scene: the kind.
+        records: of the rounds, in the order of seeds and numbers.
+        removal: what they come to.
+        config: what was run.
+    """
+
+    row: TableRow
+    scene: SceneKind
+    records: tuple[RoundRecord, ...]
+    removal: Removal
+    config: Mapping[str, Any]
+
+
+def cell_folder(out: Path, row: TableRow, scene: SceneKind) -> Path:
+    """Return the folder of a cell's run."""
+    return out / f"{row.name}-{scene}"
+
+
+def read_cell(out: Path, row: TableRow, scene: SceneKind, rounds: int, seeds: range) -> Cell | None:
+    """Return a cell, of those rounds and seeds that were run; None where none was.
+
+    Rounds that ended in an error of the program are no rounds.
+    """
+    folder = cell_folder(out, row, scene)
+    if not (folder / CONFIG).is_file():
+        return None
+    records = [
+        record
+        for record in clutter_run(folder).records()
+        if record.seed in seeds and record.index < rounds and not record.failed_to_run
+    ]
+    if not records:
+        return None
+    records.sort(key=lambda each: (each.seed, each.index))
+    config = read_json_object(folder / CONFIG, "the options of a run")
+    return Cell(row, scene, tuple(records), Removal.of(records), config)
+
+
+def require_comparable(cells: Sequence[Cell]) -> None:
+    """Raise BadInputError naming the first cell that was run in other conditions than the rest."""
+    for cell in cells[1:]:
+        for key in SAME:
+            first, found = cells[0].config.get(key), cell.config.get(key)
+            if first != found:
+                raise BadInputError(
+                    f"{cell.row.name}-{cell.scene} has {key} {found!r}, "
+                    f"{cells[0].row.name}-{cells[0].scene} has {first!r}; a table needs the same"
+                )

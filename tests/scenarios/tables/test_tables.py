@@ -1,0 +1,202 @@
+"""Cells, comparisons and what is shown of them."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scenarios import paper_tables
+from scenarios.clutter.records import GraspRecord, Removal, RoundRecord
+from scenarios.paper_tables import TableOptions, made_table, write_table
+from scenarios.tables.cells import Cell, cell_folder, read_cell, require_comparable
+from scenarios.tables.comparison import compare
+from scenarios.tables.markdown import clutter_table, comparison_table, mug_table
+from scenarios.tables.mugs import MUG_FIGURES
+from scenarios.tables.rows import SCENES, chosen_rows, table_rows
+from split_drake.bad_input import BadInputError
+from split_drake.experiments.run import json_line
+from split_drake.files import write_json
+
+CONFIG = {
+    "objects_sha256": "abc",
+    "noise": "gaussian",
+    "fit_table": False,
+    "select": "best",
+    "robot": "hand",
+    "first_seed": 0,
+    "commit": "0ff2a45",
+    "processor": "a processor",
+}
+ROUNDS, SEEDS = 10, 3
+
+
+def a_round(seed: int, index: int, good: int, bad: int, objects: int = 5) -> RoundRecord:
+    """Return a round with so many grasps that succeeded and failed."""
+    grasp = GraspRecord(np.eye(4).tolist(), 0.9, 5, ("bar#0",), (), (), "")
+    failed = replace(grasp, taken=(), reason="the pads closed on nothing")
+    names = tuple(f"bar#{number}" for number in range(objects))
+    return RoundRecord(seed, index, names, (grasp,) * good + (failed,) * bad, "no object is left")
+
+
+def keep(out: Path, name: str, good: float, config: dict[str, object] | None = None) -> None:
+    """Write the runs of a row: of five objects, a share `good` is taken on the average."""
+    row = next(each for each in table_rows(Path("authors")) if each.name == name)
+    for scene in SCENES:
+        folder = cell_folder(out, row, scene)
+        folder.mkdir(parents=True)
+        write_json(folder / "config.json", {**CONFIG, **(config or {})})
+        rng = np.random.default_rng(7)  # the same rounds are hard for all
+        counts = rng.binomial(5, good, (SEEDS, ROUNDS))
+        lines = [
+            json_line(a_round(seed, index, int(counts[seed, index]), 5 - int(counts[seed, index])))
+            for seed in range(SEEDS)
+            for index in range(ROUNDS)
+        ]
+        (folder / "rounds.jsonl").write_text("\n".join(lines) + "\n")
+
+
+def options(out: Path, **more: object) -> TableOptions:
+    return TableOptions(out, rounds=ROUNDS, seeds=SEEDS, **more)  # type: ignore[arg-type]
+
+
+def test_rows_are_those_of_the_paper_and_more() -> None:
+    names = [row.name for row in table_rows()]
+    assert names == ["vgn", "giga", "se3dif", "se3dif_segments", "split", "oracle"]
+    with_authors = table_rows(Path("somewhere"))
+    assert [row.name for row in with_authors if not row.trained_here] == [
+        "vgn_authors",
+        "giga_authors",
+        "oracle",
+    ]
+    assert with_authors[3].weights["pile"] == Path("somewhere/giga_pile.pt")
+    figures = {row.name: row.paper for row in with_authors}
+    assert figures["giga_authors"]["pile"].gsr == 56.83
+    assert figures["se3dif"]["packed"].dr == 28.35
+    assert not figures["se3dif_segments"]
+
+
+def test_a_table_compares_split_with_all_others(tmp_path: Path) -> None:
+    for name, good in (("split", 0.9), ("vgn", 0.6), ("oracle", 0.9)):
+        keep(tmp_path, name, good)
+    table = made_table(options(tmp_path), table_rows())
+    share = table.share(table.rows[0], "packed", "gsr")
+    assert share is not None and 0.5 < share.value < 0.7
+    worse = table.comparison(table.rows[0], "pile", "dr")
+    assert worse is not None and worse.rounds == 30
+    assert worse.difference > 0.2 and worse.p < 0.001
+    assert worse.interval[0] < worse.difference < worse.interval[1]
+    alike = table.comparison(table.rows[-1], "pile", "gsr")
+    assert alike is not None and alike.difference == 0.0 and alike.p == 1.0
+    assert table.share(table.rows[1], "packed", "gsr") is None
+
+
+def test_the_bootstrap_pairs_rounds() -> None:
+    # The second method takes one object less in every round: no draw of rounds says otherwise.
+    row = table_rows()[0]
+    cells = []
+    for less in (0, 1):
+        rounds = [a_round(0, index, 1 + index % 5 - less, 1) for index in range(1, 40, 2)]
+        cell = read_of(rounds)
+        cells.append(replace(cell, row=row))
+    found = compare(cells[0], cells[1], "dr")
+    assert found is not None
+    assert found.p < 0.001
+    assert found.interval == pytest.approx((0.2, 0.2))
+    assert compare(cells[0], replace(cells[1], records=()), "dr") is None
+
+
+def read_of(rounds: list[RoundRecord]) -> Cell:
+    return Cell(table_rows()[0], "packed", tuple(rounds), Removal.of(rounds), CONFIG)
+
+
+def test_only_rounds_that_were_asked_for_count(tmp_path: Path) -> None:
+    keep(tmp_path, "split", 0.8)
+    row = chosen_rows(("split",), None)[0]
+    cell = read_cell(tmp_path, row, "pile", 4, range(1, 3))
+    assert cell is not None
+    assert [(each.seed, each.index) for each in cell.records] == [
+        (seed, index) for seed in (1, 2) for index in range(4)
+    ]
+    assert read_cell(tmp_path, row, "pile", 4, range(7, 9)) is None
+    assert read_cell(tmp_path / "nowhere", row, "pile", 4, range(1)) is None
+    failed = replace(a_round(1, 0, 0, 0), ended="it took too long")
+    log = cell_folder(tmp_path, row, "pile") / "rounds.jsonl"
+    log.write_text(json_line(failed) + "\n" + json_line(a_round(1, 1, 1, 0)) + "\n")
+    cell = read_cell(tmp_path, row, "pile", 4, range(1, 3))
+    assert cell is not None and len(cell.records) == 1
+
+
+def test_runs_in_other_conditions_are_no_table(tmp_path: Path) -> None:
+    keep(tmp_path, "split", 0.8)
+    keep(tmp_path, "vgn", 0.8, {"noise": "dex"})
+    with pytest.raises(BadInputError, match="has noise 'gaussian', vgn-packed has 'dex'; a table"):
+        made_table(options(tmp_path), table_rows())
+    require_comparable([])
+    with pytest.raises(BadInputError, match="holds no runs; --quick or --whole make them"):
+        made_table(options(tmp_path / "nowhere"), table_rows())
+
+
+def test_all_forms_are_written(tmp_path: Path) -> None:
+    keep(tmp_path, "split", 0.9)
+    keep(tmp_path, "giga_authors", 0.6)
+    for figure in MUG_FIGURES[:1]:
+        (tmp_path / figure.name).mkdir()
+        write_json(tmp_path / figure.name / "config.json", {})
+        trial = {"index": 0, "seed": 0, "mug": "test_001", "mug_diameter_m": 0.08}
+        line = json.dumps({**trial, "outcome": "success"})
+        (tmp_path / figure.name / "trials.jsonl").write_text(line + "\n")
+    asked = options(tmp_path, authors=tmp_path)
+    table = made_table(replace(asked, rounds=ROUNDS + 1), table_rows(tmp_path))
+    write_table(tmp_path, table)
+    markdown = (tmp_path / "table.md").read_text()
+    for part in (clutter_table(table), comparison_table(table), mug_table(table)):
+        assert part in markdown
+    assert "; paper 84.0 ± 3.5 |" in markdown and "SPLIT, packed: 30 of 33 rounds" in markdown
+    assert "| hang, true poses | 1/1 = 100.0%" in markdown and "31/40" in markdown
+    assert "another physics engine" in markdown
+    page = (tmp_path / "index.html").read_text()
+    assert 'src="table.png"' in page and "paper 84.0 ± 3.5" in page and "points, p " in page
+    assert (tmp_path / "table.png").stat().st_size > 10_000
+    fields = json.loads((tmp_path / "table.json").read_text())
+    assert {row["name"] for row in fields["rows"]} >= {"split", "giga_authors", "se3dif"}
+    ours = next(row for row in fields["rows"] if row["name"] == "split")["pile"]
+    assert ours["commit"] == "0ff2a45" and 0.8 < ours["ours"]["gsr"] < 1.0
+
+
+def test_rows_that_cannot_be_run_are_named(tmp_path: Path) -> None:
+    with pytest.raises(BadInputError, match="--rows has 'dexnet'; expected some of vgn, giga"):
+        chosen_rows(("dexnet",), None)
+    with pytest.raises(BadInputError, match=r"--rows has 'vgn_authors', but there is no file .*pt"):
+        chosen_rows(("vgn_authors",), tmp_path)
+    keep(tmp_path, "split", 0.8)
+    table = made_table(options(tmp_path), table_rows(tmp_path))
+    assert "there is no file" in table.left_out["GIGA, its authors' weights"]
+
+
+def test_missing_rounds_are_run_and_the_table_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran: list[object] = []
+    monkeypatch.setattr(paper_tables.clutter_removal, "main", ran.append)
+    monkeypatch.setattr(paper_tables.mug_hang, "main", ran.append)
+    keep(tmp_path, "split", 0.8)
+    asked = TableOptions(tmp_path, quick=True, rows=("split", "oracle"), mug_seed=5)
+    paper_tables.main(asked)
+    clutter, mugs = ran[:4], ran[4:]
+    assert [(each.detector, each.scene) for each in clutter] == [  # type: ignore[attr-defined]
+        ("split", "packed"),
+        ("split", "pile"),
+        ("oracle", "packed"),
+        ("oracle", "pile"),
+    ]
+    assert {(each.rounds, each.seeds) for each in clutter} == {(4, 2)}  # type: ignore[attr-defined]
+    assert [(each.task, each.detector, each.trials, each.seed) for each in mugs] == [  # type: ignore[attr-defined]
+        ("hang", "oracle", 4, 5),
+        ("hang", "split", 4, 5),
+        ("reorient", "split", 4, 5),
+    ]
+    assert (tmp_path / "table.md").is_file()
+    with pytest.raises(BadInputError, match="--whole and --quick are both given"):
+        TableOptions(tmp_path, quick=True, whole=True)
