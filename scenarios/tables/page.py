@@ -57,7 +57,7 @@ def _cell(share: Share | None, paper: str, comparison: Comparison | None) -> Seq
     """Return what a cell says, line by line."""
     if share is None:
         return [text("not run")]
-    said = [f"<b>{text(share_text(share))}</b>", _bar(share)]
+    said = [f"<b>{text(share_text(share))}</b>{_bar(share)}"]
     if len(share.seeds) > 1:
         said.append(text(f"{_over_seeds(share)} over seeds"))
     if paper:

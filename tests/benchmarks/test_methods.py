@@ -1,6 +1,7 @@
-"""A detection of grasps beside VGN's whole planner, in turns: `pytest tests/benchmarks`."""
+"""Methods that find grasps beside VGN, in turns: `pytest tests/benchmarks`."""
 
 from collections.abc import Callable
+from functools import partial
 from statistics import median
 from time import perf_counter
 
@@ -8,18 +9,24 @@ import numpy as np
 import pytest
 import torch
 
+from split_drake.baselines.giga.detector import GigaDetector
+from split_drake.baselines.giga.network import GigaNetwork
+from split_drake.baselines.se3dif.detector import Se3DifDetector
+from split_drake.baselines.se3dif.network import Se3DifNetwork
 from split_drake.baselines.tsdf import fused_tsdf
 from split_drake.baselines.vgn.detector import VgnDetector
 from split_drake.baselines.vgn.network import VgnNetwork
+from split_drake.pose_set import PoseDetector
 from split_drake.pose_task import GRASP
 from split_drake.scene import Scene
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.detector import CLUTTER_SAMPLER, SplitDetector
 from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.layout import Layout, two_views
+from tests.benchmarks.processor import processor
 from tests.split_drake.station.solids import solids, stand
 
-ROUNDS = 30
+ROUNDS, FEW_ROUNDS = 30, 5
 
 
 @pytest.fixture(scope="module")
@@ -31,10 +38,13 @@ def scene() -> Scene:
     return Scene.from_views(station.capture(two_views(Layout().workspace)), Layout().workspace)
 
 
-def in_turns(*calls: Callable[[], object]) -> list[float]:
-    """Return the median seconds of calls that are timed in turns, so that all meet one load."""
+def in_turns(*calls: Callable[[], object], rounds: int = ROUNDS) -> list[float]:
+    """Return the median seconds of calls that are timed in turns, so that all meet one load.
+
+    The first two rounds don't count: they warm up.
+    """
     times: list[list[float]] = [[] for _ in calls]
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         for call, taken in zip(calls, times, strict=True):
             began = perf_counter()
             call()
@@ -60,3 +70,32 @@ def test_split_beside_vgn(scene: Scene, threads: int, capsys: pytest.CaptureFixt
             f"{1e3 * vgn_s:.0f} ms: {split_s / vgn_s:.2f} of its time"
         )
     assert split_s > 0.0 and vgn_s > 0.0
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_all_methods_on_one_scene(
+    scene: Scene, threads: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """From one scene to its grasps: fields and codes are made within the time."""
+    torch.set_num_threads(threads)
+    torch.manual_seed(0)
+    weights = default_weights().with_name("split_clutter.safetensors")
+    detectors: dict[str, PoseDetector] = {
+        "VGN": VgnDetector(VgnNetwork()),
+        "GIGA": GigaDetector(GigaNetwork()),
+        "SPLIT": SplitDetector(load_checkpoint(weights)[0], scene.workspace, CLUTTER_SAMPLER),
+        "SE(3)-Dif, whole scene": Se3DifDetector(Se3DifNetwork(), segments=False),
+        "SE(3)-Dif, each segment": Se3DifDetector(Se3DifNetwork(), segments=True),
+    }
+    seconds = in_turns(
+        *(partial(_detect, detector, scene) for detector in detectors.values()), rounds=FEW_ROUNDS
+    )
+    with capsys.disabled():
+        print(f"\n{threads} threads on {processor()}:")
+        for name, taken in zip(detectors, seconds, strict=True):
+            print(f"  {name}: {1e3 * taken:.0f} ms, {taken / seconds[0]:.2f} times VGN's")
+    assert min(seconds) > 0.0
+
+
+def _detect(detector: PoseDetector, scene: Scene) -> None:
+    detector.detect(scene, (GRASP,), np.random.default_rng(0))
