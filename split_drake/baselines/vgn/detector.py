@@ -6,7 +6,10 @@ from split_drake.baselines.selection import SelectionConfig, Volume, VolumeGrasp
 from split_drake.baselines.vgn.network import VgnNetwork
 from split_drake.baselines.volume_detector import VolumeDetector
 
-SELECTION = SelectionConfig()
+# As GIGA's public code runs both methods, but for what is free space, which is VGN's own.
+SELECTION = SelectionConfig(
+    threshold=0.90, fallback_threshold=0.5, free=0.5, border_m=0.02, lowest_m=0.055
+)
 
 
 class VgnDetector(VolumeDetector):
