@@ -7,17 +7,23 @@ problems of one seed share their scene, but where a start serves one task and no
 `scenarios.planner_bench` runs planners on the file.
 """
 
+import logging
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Literal
 
+import numpy as np
 from rich.console import Console
 from rich.progress import track
 
+from planning.collision.world import CollisionWorld, Situation
+from planning.geometry.focus import focus_on_one
+from planning.geometry.perceived import OBSTACLE_VOXEL_M, voxel_centroids
 from planning.problem import PlanningProblem
 from planning.problem_files import compact, save_problems
 from planning.subgoal import find_subgoal
@@ -27,14 +33,20 @@ from scenarios.trials.mug_tasks import MUG_TASK_NAMES, MugTaskName
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.setup import TrialGenerators, set_up
 from scenarios.trials.spec import TrialSpec
-from split_drake.bad_input import require_number, require_numbers
+from split_drake.bad_input import require_count, require_number, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.run import NoResultsError
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.objects.scanned.usable import usable_mugs
 from split_drake.pose_task import GRASP
+from split_drake.poses import Array
+from split_drake.robot.gripper import MAX_OPENING_M
+from split_drake.robot.kinematics import gripper_pose
+from split_drake.robot.posture import HIGHEST_Q, LOWEST_Q
 from split_drake.scene import MAX_NOISE_M, EmptySceneError
+from split_drake.station.config import StationConfig
+from split_drake.station.layout import Layout
 from split_drake.truth.starts import NoStartError
 
 # Poses kept of each pose set, best first.
@@ -42,6 +54,10 @@ MAX_POSES, MAX_OTHERS = {GRASP.name: 128}, 32
 
 # A problem takes seconds.
 _LIMIT_S = 600.0
+# Starts are drawn from a stream of their own, so that scenes are those of trials.
+_START_STREAM = 7
+_LEAST_DESCENT = 0.5
+Starts = Literal["home", "any"]
 
 
 @dataclass(frozen=True)
@@ -55,8 +71,11 @@ class RecordOptions:
         detectors: that pose sets come from.
         mugs: "test", shapes unlike those the model was trained on, "train", or a folder of meshes,
             of which those that `python -m scenarios.check_meshes` refuses are left out.
-        station: a YAML file of where cameras, table and hook stand, see
-            split_drake/station/file/station_file.py; the usual station where not given.
+        station: YAML files of where cameras, table and hook stand, see
+            split_drake/station/file/station_file.py; trials take them in turns.  The usual station
+            where none is given.
+        objects: other things that stand beside the mug, and are in the way.
+        starts: where the arm is: at home, or anywhere that it touches nothing.
         noise_m: standard deviation of the noise on the sampled points.
         checkpoint: weights of SPLIT; those that ship with the project where not given.
         workers: processes; the file does not depend on them.
@@ -68,7 +87,9 @@ class RecordOptions:
     tasks: tuple[MugTaskName, ...] = MUG_TASK_NAMES
     detectors: tuple[Literal["split", "oracle"], ...] = ("split", "oracle")
     mugs: str = "test"
-    station: Path | None = None
+    station: tuple[Path, ...] = ()
+    objects: int = 0
+    starts: Starts = "home"
     noise_m: float = 0.005
     checkpoint: Path | None = None
     workers: int = len(os.sched_getaffinity(0))
@@ -84,8 +105,8 @@ class RecordOptions:
             named = getattr(self, name)
             if len(set(named)) < len(named):
                 raise ValueError(f"--{name} names one twice: {list(named)}")
-        if self.seed < 0:
-            raise ValueError(f"--seed is {self.seed}; expected 0 or more")
+        for name in ("seed", "objects"):
+            require_count(f"--{name}", getattr(self, name))
         require_number(
             "--noise-m", self.noise_m, 0.0, MAX_NOISE_M, "a standard deviation in metres"
         )
@@ -135,13 +156,20 @@ def specs_of(
                 noise_m=options.noise_m,
                 record="none",
                 folder=grasps or options.out.parent,
-                station=station_of(detector, options.checkpoint, options.station),
+                station=_station(options, detector, index // len(kinds)),
+                objects=options.objects,
             )
         )
     return specs
 
 
-def record_problem(spec: TrialSpec) -> Recorded:
+def _station(options: RecordOptions, detector: str, turn: int) -> StationConfig:
+    """Return the station of a turn's trials."""
+    files = options.station
+    return station_of(detector, options.checkpoint, files[turn % len(files)] if files else None)
+
+
+def record_problem(starts: Starts, spec: TrialSpec) -> Recorded:
     """Return the problem that a trial's planner is asked first, made compact."""
     mugs = spec.mugs.where if spec.mugs.folder is None else spec.mugs.folder.resolve().name
     name = f"{spec.task}-{spec.detector}-{mugs}-{spec.seed}"
@@ -152,18 +180,42 @@ def record_problem(spec: TrialSpec) -> Recorded:
         scene, pose_sets = Perceiver(spec, setup, rngs).look(tasks)
     except (NoStartError, EmptySceneError) as error:
         return Recorded(spec.index, name, None, str(error))
+    seen = focus_on_one(scene.p_WPs, pose_sets, tasks)
     layout = setup.station.config.layout
-    problem = PlanningProblem(spec.task, pose_sets, scene.p_WPs, setup.station.q, layout)
+    q_start = setup.station.q
+    if starts == "any":
+        q_start = free_start(layout, scene.p_WPs, np.random.default_rng([spec.seed, _START_STREAM]))
+    problem = PlanningProblem(
+        spec.task, seen.pose_sets, seen.p_WPs, q_start, layout, p_WObstacles=seen.p_WObstacles
+    )
     return Recorded(spec.index, name, compact(problem, MAX_POSES, MAX_OTHERS))
+
+
+def free_start(layout: Layout, p_WPs: Array, rng: np.random.Generator) -> Array:
+    """Return a configuration (7,) of the arm, uniform among those where it touches nothing.
+
+    What stands there is a cloud (N, 3).  The open hand points within 60 degrees of straight down:
+    starts are such as a task before may have ended in.
+    """
+    logging.getLogger("drake").setLevel(logging.WARNING)  # a line for each world
+    world = CollisionWorld(layout)
+    situation = Situation(MAX_OPENING_M, p_WStanding=voxel_centroids(p_WPs, OBSTACLE_VOXEL_M))
+    while True:
+        q = rng.uniform(LOWEST_Q, HIGHEST_Q)
+        if gripper_pose(q)[2, 2] < -_LEAST_DESCENT and world.free(q[None], situation)[0]:
+            return np.asarray(q)
 
 
 def _crashed(spec: TrialSpec, reason: str) -> Recorded:
     return Recorded(spec.index, f"seed {spec.seed}", None, reason)
 
 
-def record(specs: Sequence[TrialSpec], workers: int, console: Console) -> list[Recorded]:
+def record(
+    specs: Sequence[TrialSpec], starts: Starts, workers: int, console: Console
+) -> list[Recorded]:
     """Return what became of all starts, in their order."""
-    pool = WorkerPool(record_problem, workers, _crashed, limit_s=_LIMIT_S)
+    make = partial(record_problem, starts)
+    pool = WorkerPool(make, workers, _crashed, limit_s=_LIMIT_S)
     found = track(pool.run(specs), "recording", total=len(specs), console=console)
     return sorted(found, key=lambda recorded: recorded.index)
 
@@ -173,12 +225,12 @@ def main(options: RecordOptions) -> Path:
     console = Console()
     for detector, task in product(options.detectors, options.tasks):
         require_working_detector(detector, options.checkpoint, find_subgoal(task))
-    station = station_of(options.detectors[0], options.checkpoint, options.station)
+    station = _station(options, options.detectors[0], 0)
     with TemporaryDirectory() as scratch:
         grasps = Path(scratch)
         trial = MugCheck(station, grasps if "oracle" in options.detectors else None, grasps)
         mugs = usable_mugs(MugSource(options.mugs), options.workers, console, trial).source
-        found = record(specs_of(options, mugs, grasps), options.workers, console)
+        found = record(specs_of(options, mugs, grasps), options.starts, options.workers, console)
     for recorded in found:
         if recorded.problem is None:
             console.print(f"{recorded.name}: left out: {recorded.reason}")

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from planning.collision.world import CollisionWorld, Situation
 from planning.goals.hang import SUBGOAL as HANG
 from planning.goals.upright import SUBGOAL as REORIENT
 from planning.motion.regions import load_regions
@@ -20,6 +21,7 @@ from split_drake.bad_input import BadInputError
 from split_drake.models_folder import MODELS_FOLDER
 from split_drake.objects.mugs.split import load_mug
 from split_drake.poses import make_pose
+from split_drake.robot.kinematics import gripper_pose
 from split_drake.robot.posture import Q_HOME
 from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
@@ -39,7 +41,7 @@ def test_tasks_take_turns_and_the_same_seed_gives_the_same_problem(file: Path) -
     assert list(found) == [HANG_PROBLEM, "reorient-oracle-test-0"]
     assert [p.subgoal for p in found.values()] == [HANG, REORIENT]
     spec = specs_of(RecordOptions(count=1, detectors=("oracle",)))[0]
-    again = record_problem(spec).problem
+    again = record_problem("home", spec).problem
     assert isinstance(again, PlanningProblem)
     np.testing.assert_allclose(found[HANG_PROBLEM].p_WPs, again.p_WPs, atol=1e-4)
     assert len(found[HANG_PROBLEM].pose_sets["grasp"]) <= MAX_POSES["grasp"]
@@ -72,7 +74,7 @@ def test_meshes_are_checked_at_the_station_that_problems_are_of(
     monkeypatch.setattr(record_problems, "MugCheck", check)
     file = MODELS_FOLDER / "stations" / "high_table.yaml"
     with pytest.raises(CheckedError, match=r"^0\.1$"):
-        main(RecordOptions(1, detectors=("oracle",), station=file, out=tmp_path / "p.npz"))
+        main(RecordOptions(1, detectors=("oracle",), station=(file,), out=tmp_path / "p.npz"))
 
 
 def test_regions_grow_from_plans(file: Path, tmp_path: Path) -> None:
@@ -122,3 +124,29 @@ def test_options_that_make_no_sense_are_errors(options: dict, match: str) -> Non
 def test_growing_needs_a_plan() -> None:
     with pytest.raises(ValueError, match="plans is 0"):
         GrowOptions(plans=0)
+
+
+def test_problems_differ_in_station_start_and_what_is_in_the_way(tmp_path: Path) -> None:
+    files = tuple(MODELS_FOLDER / "stations" / f"{name}.yaml" for name in ("default", "left_hook"))
+    options = RecordOptions(
+        count=2,
+        seed=3,
+        tasks=("hang",),
+        detectors=("oracle",),
+        station=files,
+        objects=2,
+        starts="any",
+        workers=1,
+        out=tmp_path / "p.npz",
+    )
+    found = list(load_problems(main(options)).values())
+    assert [problem.layout.X_WK[1, 3] for problem in found] == pytest.approx([-0.38, 0.38])
+    for problem in found:
+        assert len(problem.p_WObstacles) > 50
+        assert np.abs(problem.q_start - Q_HOME).max() > 0.1
+        situation = Situation(0.08, p_WStanding=problem.p_WPs)
+        world = CollisionWorld(problem.layout).among(problem.p_WObstacles)
+        assert world.free(problem.q_start[None], situation).all()
+        assert gripper_pose(problem.q_start)[2, 2] < -0.5
+    with pytest.raises(BadInputError, match=r"--objects is -1; expected a whole number, 0"):
+        replace(options, objects=-1)
