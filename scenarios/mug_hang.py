@@ -25,7 +25,8 @@ from scenarios.trials.mug_check import MugCheck, keep_grasps
 from scenarios.trials.mug_tasks import MugTaskName
 from scenarios.trials.pose_noise import PoseNoise
 from scenarios.trials.records import TrialRecord, success_rate, trial_run
-from scenarios.trials.report import print_report, run_title, write_report
+from scenarios.trials.report.page import write_report
+from scenarios.trials.report.summary import print_report, run_title
 from scenarios.trials.spec import TrialSpec
 from scenarios.trials.trial import crashed_trial, run_trial
 from split_drake.bad_input import require_number, require_numbers

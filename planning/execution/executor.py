@@ -63,6 +63,7 @@ class SegmentLog:
         stopped_by_contact: whether it ended early because of a force that it felt.
         force_n: largest change of the force at the gripper, where the segment looks at it; of a
             hand that draws back, the largest force.
+        ended_s: when it ended, in simulated time since the executor was made.
     """
 
     name: SegmentName
@@ -71,6 +72,7 @@ class SegmentLog:
     opening_m: float
     stopped_by_contact: bool
     force_n: float = 0.0
+    ended_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,7 @@ class Executor:
         self.robot = robot
         self._on_step = on_step
         self._stops_when_caught = stops_when_caught
+        self._samples = 0
 
     def execute(self, segments: Sequence[Segment], offset: Array | None = None) -> ExecutionResult:
         """Execute the segments; stop where one of them fails.
@@ -189,6 +192,7 @@ class Executor:
         opening_m = min(segment.opening_at_m(share), MAX_OPENING_M)
         self.robot.command(q, v, opening_m, segment.force_n)
         self.robot.advance(SAMPLE_S)
+        self._samples += 1
         if self._on_step is not None:
             self._on_step(segment)
 
@@ -196,7 +200,13 @@ class Executor:
         self, segment: Segment, count: int, error: float, force: float, stopped: bool
     ) -> SegmentLog:
         return SegmentLog(
-            segment.name, SAMPLE_S * count, error, self.robot.opening_m, stopped, force
+            segment.name,
+            SAMPLE_S * count,
+            error,
+            self.robot.opening_m,
+            stopped,
+            force,
+            SAMPLE_S * self._samples,
         )
 
 

@@ -7,8 +7,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from scenarios.clutter.records import EMPTIED, GraspRecord, Removal, RoundRecord
-from scenarios.viewing.page import lines, link, table_page, text, verdict
+from scenarios.clutter.page import page_of
+from scenarios.clutter.records import Removal, RoundRecord
+from split_drake.experiments.pages.render import render
 from split_drake.files import write_atomically, write_json
 
 # Of the options, those that summary.json repeats.
@@ -42,32 +43,8 @@ def print_removal(console: Console, title: str, removal: Removal) -> None:
     console.print(table)
 
 
-def _grasp(grasp: GraspRecord) -> str:
-    """Return a cell of one grasp: its score, and what it took or why it failed."""
-    said = ", ".join(grasp.taken) if grasp.succeeded else grasp.reason
-    lost = f" (lost: {', '.join(grasp.lost)})" if grasp.lost else ""
-    return f"{grasp.score:.2f} {verdict(said, grasp.succeeded)}{text(lost)}"
-
-
-def index_page(records: Sequence[RoundRecord], title: str) -> str:
-    """Return a page that lists the rounds with all their grasps, and links their recordings."""
-    removal = Removal.of(records)
-    rows = [
-        (
-            lines([text(f"{record.seed}-{record.index}"), link(record.recording, "replay")]),
-            verdict(f"{record.successes}/{len(record.objects)}", record.ended == EMPTIED),
-            lines([_grasp(grasp) for grasp in record.grasps]),
-            lines([text(each) for each in (record.ended, record.detail) if each]),
-        )
-        for record in records
-    ]
-    figures = [f"{name}: {figure}" for name, figure in facts(removal).items()]
-    heads = ("round", "taken", "score, and what became of each grasp", "ended")
-    return table_page(title, figures, heads, rows)
-
-
 def write_report(folder: Path, records: Sequence[RoundRecord], config: Mapping[str, Any]) -> None:
     """Write summary.json and index.html, atomically."""
     asked = {key: config[key] for key in _ASKED} | {"objects_from": config["objects"]}
     write_json(folder / "summary.json", asked | Removal.of(records).to_json())
-    write_atomically(folder / "index.html", index_page(records, run_title(config)))
+    write_atomically(folder / "index.html", render(page_of(records, config, run_title(config))))

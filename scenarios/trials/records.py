@@ -40,6 +40,8 @@ class TrialRecord:
         violations: what the independent check found wrong with the trial's plans; None where they
             were not checked.
         recording: path of the recording within the run's folder, if one was kept.
+        film: path of an animated picture of a failure within it, if one was kept.
+        stills: (path, what it shows) of pictures within it: of failed attempts, and of the end.
         traceback: of the exception that ended the trial, if one did.
     """
 
@@ -58,6 +60,8 @@ class TrialRecord:
     memory_bytes: int = 0
     violations: tuple[str, ...] | None = None
     recording: str | None = None
+    film: str | None = None
+    stills: tuple[tuple[str, str], ...] = ()
     traceback: str | None = None
 
     @property
@@ -78,7 +82,8 @@ class TrialRecord:
     def from_fields(cls, fields: Mapping[str, Any]) -> Self:
         """Return the record that a line of JSON holds."""
         lists = {key: tuple(value) for key, value in fields.items() if isinstance(value, list)}
-        return cls(**{**fields, **lists})
+        stills = tuple((str(file), str(shown)) for file, shown in fields.get("stills", ()))
+        return cls(**{**fields, **lists, "stills": stills})
 
 
 def trial_run(folder: Path) -> RunFolder[TrialRecord]:

@@ -21,6 +21,7 @@ from scenarios.trials.perception import Perceiver
 from scenarios.trials.records import SUCCESS, TrialRecord
 from scenarios.trials.setup import TrialGenerators, planner_named, set_up
 from scenarios.trials.spec import TrialSpec
+from scenarios.viewing.film import Film
 from scenarios.viewing.recording import Recorder, freeing_recorders
 from split_drake.experiments.pool import WORKER_DIED
 from split_drake.experiments.provenance import peak_memory_bytes
@@ -29,6 +30,9 @@ from split_drake.pose_set import PoseSet, save_pose_sets
 from split_drake.pose_task import PoseTask
 from split_drake.scene import Scene
 from split_drake.truth.verdicts import Verdict
+
+# Of failed attempts, so many are pictured.
+MOST_STILLS = 3
 
 
 def run_trial(spec: TrialSpec) -> TrialRecord:
@@ -94,12 +98,15 @@ class _Trial:
         self._perceiver = Perceiver(spec, self.setup, self._rngs)
         self._limits = LimitLog(self._station, self.setup.truth)
         self._checked: CheckedPlanner | None = None
+        self._film = Film(self._station) if self._recorder else None
         self._lifting = False
         self._perceived: list[tuple[Scene, dict[str, PoseSet]]] = []
 
     def carry_out(self) -> TrialRecord:
         if self._recorder:
             self._recorder.start(self._station.time_s)
+        if self._film:
+            self._film.note()
         started_s, begun = self._station.time_s, time.monotonic()
         result = self._sequence().reach(self._spec.task, self._rngs.planner)
         executed = time.monotonic()
@@ -127,6 +134,8 @@ class _Trial:
             memory_bytes=peak_memory_bytes(),
             violations=self._violations(),
             recording=self._save_recording(verdict),
+            film=self._save_film(verdict),
+            stills=self._save_stills(result, verdict, started_s),
         )
 
     def _sequence(self) -> Sequencer:
@@ -153,7 +162,9 @@ class _Trial:
         return scene, pose_sets
 
     def _on_step(self, segment: Segment) -> None:
-        """Hide what was perceived once the object is moved."""
+        """Hide what was perceived once the object is moved; note how all stands."""
+        if self._film:
+            self._film.note()
         lifting = segment.name is SegmentName.LIFT
         if self._recorder and lifting and not self._lifting:
             self._recorder.hide_perception(self._station.time_s)
@@ -180,6 +191,34 @@ class _Trial:
         name = f"recordings/{self._spec.index:03d}.html"
         self._recorder.save(self._spec.folder / name)
         return name
+
+    def _save_film(self, verdict: Verdict) -> str | None:
+        """Keep a film of a failure; return its name."""
+        if self._film is None or verdict.success:
+            return None
+        name = f"films/{self._spec.index:03d}.webp"
+        self._film.save(self._spec.folder / name)
+        return name
+
+    def _save_stills(
+        self, result: SequenceResult, verdict: Verdict, started_s: float
+    ) -> tuple[tuple[str, str], ...]:
+        """Keep pictures of where attempts failed, and of the end; return their names."""
+        if self._film is None or not (self._spec.record == "all" or not verdict.success):
+            return ()
+        end_s = self._film.mark()
+        moments = [
+            (started_s + attempt.execution.logs[-1].ended_s, f"attempt {number}: {reason}")
+            for number, attempt in enumerate(result.attempts, start=1)
+            if (reason := attempt.failure[1]) and attempt.execution and attempt.execution.logs
+        ]
+        kept = []
+        ends = [(end_s, "the end" if verdict.success else f"the end: {verdict.reason}")]
+        for number, (time_s, shown) in enumerate(moments[:MOST_STILLS] + ends):
+            name = f"stills/{self._spec.index:03d}-{number}.webp"
+            self._film.save_still(self._spec.folder / name, time_s)
+            kept.append((name, shown))
+        return tuple(kept)
 
 
 def _attempt_record(attempt: Attempt) -> dict[str, Any]:

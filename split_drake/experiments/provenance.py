@@ -100,3 +100,9 @@ def qualified_name(function: Callable[..., object]) -> str:
         function = function.func
     named = function if hasattr(function, "__qualname__") else type(function)
     return f"{named.__module__}.{named.__qualname__}"
+
+
+def short_hash(value: object) -> str:
+    """Return a hash as far as people read it, and whether the tree had changes; "" of nothing."""
+    text = str(value or "")
+    return text[:12] + ("-dirty" if text.endswith("-dirty") else "")

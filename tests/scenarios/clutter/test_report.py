@@ -12,13 +12,15 @@ import pytest
 
 from scenarios.clutter.detection import ranked
 from scenarios.clutter.detectors import oracle
+from scenarios.clutter.page import page_of
 from scenarios.clutter.records import EMPTIED, NO_PLAN, TWO_FAILURES, GraspRecord, RoundRecord
-from scenarios.clutter.report import index_page, write_report
+from scenarios.clutter.report import write_report
 from scenarios.clutter.rounds import run_round
 from scenarios.clutter.spec import RoundSpec
 from scenarios.clutter_removal import ClutterOptions, missing_rounds
 from scenarios.viewing.page import link, table_page, text
 from scenarios.viewing.recording import Recorder
+from split_drake.experiments.pages.render import render
 from split_drake.pose_task import GRASP
 from split_drake.poses import make_pose, rotation_x
 
@@ -55,20 +57,24 @@ def rounds() -> list[RoundRecord]:
 
 
 def test_the_page_lists_each_grasp_and_why_it_failed() -> None:
-    page = index_page(rounds(), "a <title>")
-    assert "a &lt;title&gt;" in page
-    assert '0.73 <span class="ok">can#0</span> (lost: ball#3)' in page
-    assert page.count('0.73 <span class="failed">the hand holds &lt;nothing&gt;</span>') == 2
-    assert page.count('<a href="recordings/004-001.html">replay</a>') == page.count("replay") == 1
-    assert '<span class="failed">0/2</span>' in page
-    assert "grasps that succeeded (GSR): 33.3%" in page
-    assert f"rounds ended: 1: {EMPTIED}; 1: {TWO_FAILURES}" in page
+    page = page_of(rounds(), CONFIG, "a <title>")
+    assert [row.key for row in page.rows] == ["4-1", "4-0"], "failures come first"
+    failed, good = page.rows
+    assert [track.outcome for track in good.tracks] == ["took can#0"]
+    assert ("pushed off the table", "ball#3") in good.tracks[0].facts
+    assert [track.outcome for track in failed.tracks] == ["the hand holds <nothing>"] * 2
+    assert [link.target for link in failed.links] == ["recordings/004-001.html"]
+    assert page.bars[0].shown.startswith("33.3%")
+    shown = render(page)
+    assert "a &lt;title&gt;" in shown
+    assert shown.count('<a href="recordings/004-001.html">replay</a>') == 1
+    assert "<nothing>" not in shown
 
 
 def test_the_page_says_what_kept_grasps_from_being_planned() -> None:
     unplanned = RoundRecord(4, 2, ("can#0",), (), NO_PLAN, "rejected by: <IK> 12")
-    page = index_page([unplanned], "title")
-    assert f"{NO_PLAN}<br>rejected by: &lt;IK&gt; 12" in page
+    shown = render(page_of([unplanned], CONFIG, "title"))
+    assert NO_PLAN in shown and "rejected by: &lt;IK&gt; 12" in shown
 
 
 def test_the_report_is_written_beside_the_log(tmp_path: Path) -> None:

@@ -13,7 +13,9 @@ from scenarios.trials.records import (
     total_redraws,
     trial_run,
 )
-from scenarios.trials.report import index_page, rates_by_width, summarize, write_report
+from scenarios.trials.report.page import page_of, write_report
+from scenarios.trials.report.summary import rates_by_width, summarize
+from split_drake.experiments.pages.render import render
 from split_drake.experiments.run import json_line
 from split_drake.experiments.statistics import Rate
 
@@ -31,7 +33,7 @@ GOOD = TrialRecord(
     mug="test_000",
     mug_diameter_m=0.07,
     outcome="success",
-    attempts=({"subgoal": "hang"},),
+    attempts=({"subgoal": "hang", "stage": "success", "reason": ""},),
     redraws={"upside down": 2},
     seconds={"planning": 1.0},
     recording="recordings/000.html",
@@ -102,7 +104,8 @@ def test_reports_of_nothing_are_valid(tmp_path: Path) -> None:
 
 
 def test_the_index_links_recordings_and_escapes_reasons() -> None:
-    page = index_page([GOOD, BAD], "a < b")
+    page = render(page_of([GOOD, BAD], CONFIG | {"mugs": "a < b"}))
+    assert "a &lt; b" in page
     assert 'href="recordings/000.html"' in page
     assert "it &lt;slipped&gt;" in page
     assert "<slipped>" not in page

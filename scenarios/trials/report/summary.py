@@ -1,7 +1,6 @@
-"""What a run comes to: a table, summary.json and index.html."""
+"""What a run comes to: a table and summary.json."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -16,9 +15,7 @@ from scenarios.trials.records import (
     total_redraws,
     worst_peaks,
 )
-from scenarios.viewing.page import link, table_page, text, verdict
 from split_drake.experiments.statistics import Rate
-from split_drake.files import write_atomically, write_json
 
 
 def rates_by_width(records: Sequence[TrialRecord]) -> dict[str, Rate]:
@@ -85,33 +82,6 @@ def print_report(console: Console, records: Sequence[TrialRecord], title: str) -
     ):
         listed = ", ".join(f"{key} {value}" for key, value in figures.items())
         console.print(f"{name}: {listed or 'none'}")
-
-
-def _row(record: TrialRecord) -> tuple[str, ...]:
-    return (
-        text(record.index),
-        text(record.mug),
-        text(f"{1000 * record.mug_diameter_m:.0f} mm"),
-        verdict(record.outcome, record.succeeded),
-        text(record.reason),
-        verdict(", ".join(record.exceeded), good=False),
-        link(record.recording, "replay"),
-    )
-
-
-def index_page(records: Sequence[TrialRecord], title: str) -> str:
-    """Return an HTML page that lists the trials and links their recordings."""
-    heads = ("trial", "mug", "diameter", "outcome", "reason", "limits exceeded", "")
-    rates = [f"{name}: {rate}" for name, rate in rates_by_width(records).items()]
-    return table_page(title, rates, heads, [_row(record) for record in records])
-
-
-def write_report(
-    folder: Path, records: Sequence[TrialRecord], config: Mapping[str, Any], wall_s: float
-) -> None:
-    """Write summary.json and index.html, atomically."""
-    write_json(folder / "summary.json", summarize(records, config, wall_s))
-    write_atomically(folder / "index.html", index_page(records, run_title(config)))
 
 
 def run_title(config: Mapping[str, Any]) -> str:

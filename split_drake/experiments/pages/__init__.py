@@ -1,0 +1,1 @@
+"""Pages of runs for the browser, which need no server: what was run, and what became of it."""
