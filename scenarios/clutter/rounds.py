@@ -73,6 +73,11 @@ def drop_planner() -> DropPlanner:
     return DropPlanner()
 
 
+def _title(spec: RoundSpec) -> str:
+    """Return what a recording is called."""
+    return f"round {spec.seed}-{spec.index}, {spec.scene}, {spec.detector}"
+
+
 class ClutterRound:
     """A round on its station."""
 
@@ -80,7 +85,7 @@ class ClutterRound:
         self._start_rng, self._noise_rng, self._rng = spec.streams()
         self._spec = spec
         viewpoint = _VIEWPOINTS[spec.robot]
-        self._recorder = None if spec.record == "none" else Recorder(viewpoint)
+        self._recorder = None if spec.record == "none" else Recorder(viewpoint, _title(spec))
         self._grasps: list[GraspRecord] = []
         self._names: tuple[str, ...] = ()
 
@@ -132,7 +137,7 @@ class ClutterRound:
         if self._spec.record == "failures" and record.ended == EMPTIED and record.clean:
             return None
         name = f"recordings/{record.seed:03d}-{record.index:03d}.html"
-        self._recorder.save(self._spec.folder / name)
+        self._recorder.save(self._spec.folder / name, record.ended, record.ended == EMPTIED)
         return name
 
     def _empty_table(self, clearing: Clearing) -> tuple[str, str]:
@@ -152,6 +157,8 @@ class ClutterRound:
                 return NO_PLAN, chosen
             if self._recorder:
                 self._recorder.show_grasp(found.X_WPs[chosen])
+                number = len(self._grasps) + 1
+                self._recorder.tell(clearing.time_s, number, f"grasp {number}")
             self._grasps.append(clearing.take(found, chosen))
             failures = 0 if self._grasps[-1].succeeded else failures + 1
             if failures == FAILURES_IN_A_ROW:

@@ -75,7 +75,7 @@ def set_up(spec: TrialSpec, rngs: TrialGenerators) -> Setup:
     reject = mug_task(spec.task).reject
     others = other_things(spec.objects, rngs.others)
     for name in spec.mug_names():
-        recorder = None if spec.record == "none" else Recorder()
+        recorder = None if spec.record == "none" else Recorder(title=_title(spec, name))
         mug = spec.load_mug(name)
         station = Station(
             replace(spec.station, meshcat_rate_hz=FRAMES_PER_SECOND),
@@ -96,6 +96,11 @@ def set_up(spec: TrialSpec, rngs: TrialGenerators) -> Setup:
         return Setup(mug, station, truth, redraws, recorder)
     starts = [reason for reason in redraws.elements() if not reason.startswith(_PASSED_OVER)]
     raise NoStartError(f"all mugs of {spec.mugs.where}", starts)
+
+
+def _title(spec: TrialSpec, mug: str) -> str:
+    """Return what a recording is called."""
+    return f"trial {spec.index}, {spec.task}, {mug}"
 
 
 def other_things(count: int, rng: np.random.Generator) -> list[RigidObject]:

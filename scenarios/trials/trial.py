@@ -31,6 +31,18 @@ from split_drake.pose_task import PoseTask
 from split_drake.scene import Scene
 from split_drake.truth.verdicts import Verdict
 
+# Segments in which the hand is near what it handles.
+_NEAR = frozenset(
+    {
+        SegmentName.APPROACH,
+        SegmentName.CLOSE,
+        SegmentName.INSERT,
+        SegmentName.OPEN,
+        SegmentName.RETREAT,
+        SegmentName.EASE,
+        SegmentName.BACK_OUT,
+    }
+)
 # Of failed attempts, so many are pictured.
 MOST_STILLS = 3
 
@@ -72,15 +84,17 @@ def _failed_trial(spec: TrialSpec, mug: MugShape, reason: str, trace: str | None
     )
 
 
-@dataclass(frozen=True)
+@dataclass
 class _ShowingPlanner:
-    """A planner whose plans are drawn into a recording."""
+    """A planner whose plans are drawn into a recording, and counted."""
 
     planner: Planner
     recorder: Recorder
+    plans: int = 0
 
     def plan(self, problem: PlanningProblem, rng: np.random.Generator) -> Plan | PlanFailure:
         outcome = self.planner.plan(problem, rng)
+        self.plans += 1
         if isinstance(outcome, Plan):
             self.recorder.show_plan(outcome, taking=problem.held_width_m is None)
         return outcome
@@ -143,7 +157,7 @@ class _Trial:
         if self._spec.check_plans:
             planner = self._checked = CheckedPlanner(planner)
         if self._recorder:
-            planner = _ShowingPlanner(planner, self._recorder)
+            planner = self._showing = _ShowingPlanner(planner, self._recorder)
         on_step = self._on_step if self._recorder else None
         executor = Executor(self._station, on_step, stops_when_caught=self._spec.feedback)
         limits = AttemptLimits() if self._spec.feedback else AttemptLimits.without_feedback()
@@ -165,6 +179,11 @@ class _Trial:
         """Hide what was perceived once the object is moved; note how all stands."""
         if self._film:
             self._film.note()
+        if self._recorder:
+            time_s = self._station.time_s
+            near = segment.name in _NEAR
+            self._recorder.tell(time_s, max(1, self._showing.plans), segment.name, near)
+            self._recorder.feel(time_s, -self._station.finger_forces_n)
         lifting = segment.name is SegmentName.LIFT
         if self._recorder and lifting and not self._lifting:
             self._recorder.hide_perception(self._station.time_s)
@@ -189,7 +208,8 @@ class _Trial:
             file = f"poses/{self._spec.index:03d}-{number}.npz"
             save_pose_sets(self._spec.folder / file, pose_sets, scene.p_WPs)
         name = f"recordings/{self._spec.index:03d}.html"
-        self._recorder.save(self._spec.folder / name)
+        said = "success" if verdict.success else f"failed: {verdict.reason}"
+        self._recorder.save(self._spec.folder / name, said, verdict.success)
         return name
 
     def _save_film(self, verdict: Verdict) -> str | None:

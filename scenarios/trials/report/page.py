@@ -33,6 +33,8 @@ _COLUMNS = (
     Column("planning, s", numeric=True),
     Column("execution, s", numeric=True),
 )
+# A replay of a failure begins so long before what was executed last had ended.
+BEFORE_FAILURE_S = 4.0
 # Edges of the mugs' widths that rates are shown for, mm.
 _WIDTHS_MM = (0.0, 60.0, 70.0, 76.0, 85.0, 95.0, 130.0)
 
@@ -114,9 +116,23 @@ def row_of(record: TrialRecord) -> Row:
         thumbnail=stills[-1] if stills else None,
         stills=stills,
         tracks=tuple(track_of(number, each) for number, each in enumerate(record.attempts, 1)),
-        links=(Link(record.recording, "replay"),) if record.recording else (),
+        links=links_of(record),
         record=asdict(record),
     )
+
+
+def links_of(record: TrialRecord) -> tuple[Link, ...]:
+    """Return links to a trial's replay, of a failure from shortly before it on, and to its film."""
+    links = []
+    if record.recording:
+        ends = [each["segments"][-1]["ended_s"] for each in record.attempts if each.get("segments")]
+        if ends and not record.succeeded:
+            moment_s = max(0.0, float(ends[-1]) - BEFORE_FAILURE_S)
+            links.append(Link(f"{record.recording}#t={moment_s:.1f}", "failure"))
+        links.append(Link(record.recording, "replay"))
+    if record.film:
+        links.append(Link(record.film, "film"))
+    return tuple(links)
 
 
 def _seconds(record: TrialRecord, stage: str) -> Cell:
