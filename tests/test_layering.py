@@ -57,6 +57,7 @@ ROOMS = (
     "scenarios.clutter",
     "scenarios.clutter.detectors",
     "scenarios.tables",
+    "scenarios.comparing",
     "scenarios",
     "scenarios.making",
     "scenarios.measuring",

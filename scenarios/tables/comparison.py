@@ -46,6 +46,23 @@ class Comparison:
         return asdict(self)
 
 
+@dataclass(frozen=True)
+class Difference:
+    """A pooled share less another one, on the same rounds.
+
+    Attributes:
+        share, other_share: both.
+        difference: of them.
+        interval, p: as of `Comparison`.
+    """
+
+    share: float
+    other_share: float
+    difference: float
+    interval: tuple[float, float]
+    p: float
+
+
 def compare(cell: Cell, other: Cell, figure: Figure) -> Comparison | None:
     """Return the paired bootstrap over rounds; None where they have no round in common."""
     ours = {(each.seed, each.index): each for each in cell.records}
@@ -53,20 +70,35 @@ def compare(cell: Cell, other: Cell, figure: Figure) -> Comparison | None:
     both = sorted(ours.keys() & theirs.keys())
     if not both:
         return None
-    first = _counts([ours[key] for key in both], figure)
-    second = _counts([theirs[key] for key in both], figure)
-    drawn = np.random.default_rng(0).integers(len(both), size=(BOOTSTRAP_DRAWS, len(both)))
-    draws = _share(first[drawn].sum(axis=1)) - _share(second[drawn].sum(axis=1))
-    low, high = np.percentile(draws, (2.5, 97.5))
-    # One more draw on either side, so that no p is 0.
-    sides = (1 + (draws <= 0.0).sum(), 1 + (draws >= 0.0).sum())
+    found = compare_rounds([ours[key] for key in both], [theirs[key] for key in both], figure)
     return Comparison(
         method=cell.row.name,
         other=other.row.name,
         scene=cell.scene,
         figure=figure,
         rounds=len(both),
-        difference=float(_share(first.sum(axis=0)) - _share(second.sum(axis=0))),
+        difference=found.difference,
+        interval=found.interval,
+        p=found.p,
+    )
+
+
+def compare_rounds(
+    records: Sequence[RoundRecord], others: Sequence[RoundRecord], figure: Figure
+) -> Difference:
+    """Return the paired bootstrap over rounds, of which one at least is in both."""
+    first, second = _counts(records, figure), _counts(others, figure)
+    shape = (BOOTSTRAP_DRAWS, len(records))
+    drawn = np.random.default_rng(0).integers(len(records), size=shape)
+    draws = _share(first[drawn].sum(axis=1)) - _share(second[drawn].sum(axis=1))
+    low, high = np.percentile(draws, (2.5, 97.5))
+    # One more draw on either side, so that no p is 0.
+    sides = (1 + (draws <= 0.0).sum(), 1 + (draws >= 0.0).sum())
+    shares = [float(_share(counts.sum(axis=0))) for counts in (first, second)]
+    return Difference(
+        share=shares[0],
+        other_share=shares[1],
+        difference=shares[0] - shares[1],
         interval=(float(low), float(high)),
         p=min(1.0, 2.0 * min(sides) / (BOOTSTRAP_DRAWS + 1)),
     )
