@@ -18,7 +18,7 @@ from split_drake.experiments.command import run_command
 from split_drake.files import MissingFileError
 
 # Software rendering, and no connection to anywhere.
-_BROWSER_FLAGS = (
+BROWSER_FLAGS = (
     "--no-sandbox",
     "--use-gl=swiftshader",
     "--enable-unsafe-swiftshader",
@@ -26,6 +26,10 @@ _BROWSER_FLAGS = (
     "--disable-background-networking",
 )
 _LOAD_MS = 3000
+# The viewer's own menu, and what recordings lay over the scene.
+_HIDDEN = ".dg, #told, #legend, #controls { display: none !important }"
+# The view stays where it is, whatever the hand does.
+_NOT_FOLLOWING = "() => { document.getElementById('follow').checked = false; }"
 _FRAME_MS = 1000
 
 
@@ -53,6 +57,14 @@ class PictureOptions:
             raise ValueError(f"there is no recording {self.recording}")
 
 
+def find_chromium() -> str:
+    """Return where Chromium is; MissingFileError says how to install it."""
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        raise MissingFileError("there is no chromium; run: sudo apt-get install -y chromium")
+    return chromium
+
+
 def _capture(page: Page, moment: float) -> Image.Image:
     """Return what the page shows at a moment of its animation."""
     page.evaluate(
@@ -66,17 +78,15 @@ def _capture(page: Page, moment: float) -> Image.Image:
 
 def capture_moments(options: PictureOptions) -> list[Image.Image]:
     """Return the pictures of the moments; raise MissingFileError without Chromium."""
-    chromium = shutil.which("chromium")
-    if chromium is None:
-        raise MissingFileError("there is no chromium; run: sudo apt-get install -y chromium")
+    chromium = find_chromium()
     width, height = options.size_px
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=list(_BROWSER_FLAGS))
+        browser = playwright.chromium.launch(executable_path=chromium, args=list(BROWSER_FLAGS))
         page = browser.new_page(viewport={"width": width, "height": height})
         page.goto(options.recording.resolve().as_uri())
         page.wait_for_timeout(_LOAD_MS)
-        # The viewer's own menu.
-        page.add_style_tag(content=".dg { display: none !important }")
+        page.evaluate(_NOT_FOLLOWING)
+        page.add_style_tag(content=_HIDDEN)
         pictures = [_capture(page, moment) for moment in options.moments]
         browser.close()
     return pictures

@@ -104,6 +104,7 @@ class BaselineRun:
         self._method = config.chosen()
         dataset = SceneDataset.open(config.data)
         self._dataset_hash = dataset.dataset_hash
+        self._commit = git_commit()  # of the code that runs, whatever the tree becomes meanwhile
         torch.manual_seed(config.seed)
         lessons = self._method.prepare(dataset, config.fields)
         self._pupil = Pupil(self._method, lessons, config.seed)
@@ -165,7 +166,7 @@ class BaselineRun:
             info = BaselineInfo(
                 method=self._method.name,
                 dataset_hash=self._dataset_hash,
-                commit=git_commit(),
+                commit=self._commit,
                 seed=self._config.seed,
                 epochs=round(pupil.best_step / pupil.steps_per_epoch, 3),
                 scenes=pupil.best_step * self._method.scenes,
