@@ -37,6 +37,7 @@ from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import require_results
+from split_drake.experiments.shards import Shard
 from split_drake.objects.meshes.mesh_file import ObjectFileError
 from split_drake.station.egl import check_rendering
 from split_drake.station.layout import Layout
@@ -68,6 +69,8 @@ class ClutterOptions:
             can plan, and has succeeded with what it brings into the bin.
         record: which rounds keep a recording for the browser; failures are rounds in which a grasp
             failed or something was left.
+        shard: such as 2/5, the second of five parts of the run, for machines that know nothing of
+            each other; `scenarios.merge` makes them one.
         workers: processes; outcomes do not depend on them.
         limit_s: a round that takes longer is ended, and recorded as such; so generous that no
             outcome depends on it.
@@ -86,6 +89,7 @@ class ClutterOptions:
     select: Selection = "best"
     robot: Robot = "hand"
     record: Recorded = "failures"
+    shard: str | None = None
     workers: int = len(os.sched_getaffinity(0))
     limit_s: float = 3600.0
     out: Path | None = None
@@ -98,6 +102,8 @@ class ClutterOptions:
             if getattr(self, name) < least:
                 flag = name.replace("_", "-")
                 raise ValueError(f"--{flag} is {getattr(self, name)}; expected {least} or more")
+        if self.shard is not None:
+            Shard.parse(self.shard)
         clutter_detector(self.detector, self.checkpoint)
 
 
@@ -131,6 +137,7 @@ def missing_rounds(
 ) -> list[RoundSpec]:
     """Return the rounds of a run, without those whose (seed, index) are `done`."""
     layout = layout_of(options)
+    part = None if options.shard is None else Shard.parse(options.shard)
     return [
         RoundSpec(
             seed=options.first_seed + seed,
@@ -151,6 +158,7 @@ def missing_rounds(
         for seed in range(options.seeds)
         for index in range(options.rounds)
         if (options.first_seed + seed, index) not in done
+        and (part is None or part.takes(seed * options.rounds + index))
     ]
 
 

@@ -35,6 +35,7 @@ from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import RunFolder, as_json, require_results
+from split_drake.experiments.shards import Shard
 from split_drake.files import interpreting, read_json_object, write_atomically
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.objects.scanned.usable import UsableMugs, usable_mugs
@@ -69,6 +70,8 @@ class MugHangOptions:
             failed; else plans are executed as they are.
         check_plans: check every plan independently, see planning.checking.checked_planner; one with
             a fault is not executed, and its trial has failed.  Counts as planning time.
+        shard: such as 2/5, the second of five parts of the run, for machines that know nothing of
+            each other; `scenarios.merge` makes them one.
         workers: processes; outcomes do not depend on them.
         record: which trials keep a recording and the pose sets they perceived.
         limit_s: a trial that takes longer is ended, and recorded as an error; so generous that no
@@ -92,6 +95,7 @@ class MugHangOptions:
     workers: int = len(os.sched_getaffinity(0))
     feedback: bool = True
     check_plans: bool = False
+    shard: str | None = None
     record: Literal["all", "failures", "none"] = "all"
     limit_s: float = 1800.0
     out: Path | None = None
@@ -121,6 +125,8 @@ class MugHangOptions:
                 f"true; --detector is {self.detector!r}"
             )
         MugSource(self.mugs)
+        if self.shard is not None:
+            Shard.parse(self.shard)
         if self.planner not in planner_names():
             raise ValueError(f"--planner is {self.planner!r}; expected one of {planner_names()}")
         if self.checkpoint is not None and not self.checkpoint.is_file():
@@ -165,6 +171,7 @@ def specs_of(
     They are with `mugs`, or with all that the options name.
     """
     station = asked_station(options)
+    part = None if options.shard is None else Shard.parse(options.shard)
     return [
         TrialSpec(
             index=index,
@@ -184,7 +191,7 @@ def specs_of(
             objects=options.objects,
         )
         for index in range(options.trials)
-        if index not in done
+        if index not in done and (part is None or part.takes(index))
     ]
 
 
