@@ -55,9 +55,11 @@ class ClutterOptions:
         seeds: how many seeds there are, from `first_seed` on.
         first_seed: of them.
         detector: the method that finds grasps: split, oracle (the true ones of what lies there),
-            vgn or giga; each is a file in scenarios/clutter/detectors.
+            vgn, giga, se3dif (of the whole scene) or se3dif_segments; each is a file in
+            scenarios/clutter/detectors.
         checkpoint: its parameters: of split such as models/weights/split_clutter.safetensors, of
-            vgn and giga the state dictionary that their authors published.
+            the others weights of split_drake.baselines.learning.train; of vgn and giga the state
+            dictionary that their authors published will do, too.
         objects: "procedural", kinds that no model was trained on; "procedural-train", those to
             choose settings on; or a folder of URDF or mesh files in metres.
         noise: of the view: "gaussian" moves the sampled points by 5 mm (and the pixels, for methods

@@ -12,9 +12,9 @@ their free motions alone: robometrics' and MotionBenchMaker's problems for the P
 problems so, and ends.
 
 The output folder holds config.json, results.jsonl (a line for each problem and planner as it
-arises) and summary.json.  The same --out goes on where an interrupted run stopped.  The report is
-of the planners and problems asked for, whatever else the folder holds; pairs of planners are
-compared on the problems that all of them have been given.
+arises), summary.json and index.html.  The same --out goes on where an interrupted run stopped.
+The report is of the planners and problems asked for, whatever else the folder holds; pairs of
+planners are compared on the problems that all of them have been given.
 """
 
 import os
@@ -32,6 +32,7 @@ from planning.problem_files import SHIPPED_PROBLEMS, load_problems
 from scenarios.bench.motions.export import exported
 from scenarios.bench.motions.robometrics_file import read_motion_problems, write_motion_problems
 from scenarios.bench.motions.run import motion_of
+from scenarios.bench.page import page_of
 from scenarios.bench.records import (
     MOTION,
     BenchRecord,
@@ -43,9 +44,11 @@ from scenarios.bench.records import (
 from scenarios.bench.report import print_bench, write_bench_summary
 from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
+from split_drake.experiments.pages.render import render
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import as_json, require_results
+from split_drake.files import write_atomically
 
 
 @dataclass(frozen=True)
@@ -180,6 +183,7 @@ def main(options: BenchOptions) -> Path:
         run.collect(pool.run(tasks), len(tasks), console)
         asked = [r for r in run.records() if r.problem in subgoals and r.planner in options.planner]
         write_bench_summary(folder / "summary.json", asked, options.planner, config)
+        write_atomically(folder / "index.html", render(page_of(asked, config)))
     print_bench(console, asked, options.planner)
     console.print(f"results: {folder}")
     errors = [record.reason for record in asked if record.failed_to_run]

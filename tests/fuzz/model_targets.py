@@ -9,6 +9,8 @@ import trimesh
 import yaml
 
 from scenarios.bench.motions.robometrics_file import read_motion_problems
+from split_drake.baselines.vgn.network import VgnNetwork
+from split_drake.baselines.weights import BaselineInfo, load_weights, save_weights
 from split_drake.objects.meshes.mesh_file import read_mesh
 from split_drake.split.checkpoint import load_checkpoint
 from tests.fuzz.mutations import damaged, mutated, pick
@@ -73,4 +75,21 @@ def weights_file(folder: Path, rng: Rng) -> None:
         require(bool(torch.isfinite(parameter).all()), "a weight is not finite")
 
 
-MODEL_TARGETS = tuple(Target(run.__name__, run) for run in (motion_file, mesh_file, weights_file))
+@cache
+def _baseline_weights(folder: Path) -> bytes:
+    info = BaselineInfo("vgn", "abc", "abc", 0, 1.0, 100, 1.0, 0.5)
+    save_weights(folder / "good.safetensors", VgnNetwork().state_dict(), info)
+    return (folder / "good.safetensors").read_bytes()
+
+
+def baseline_weights_file(folder: Path, rng: Rng) -> None:
+    file, whole = folder / "weights.safetensors", _baseline_weights(folder)
+    file.write_bytes(damaged(whole, rng))
+    load_weights(VgnNetwork(), "vgn", file)
+    require(file.read_bytes() == whole, "damaged weights were loaded")
+
+
+MODEL_TARGETS = tuple(
+    Target(run.__name__, run)
+    for run in (motion_file, mesh_file, weights_file, baseline_weights_file)
+)

@@ -86,6 +86,7 @@ def test_three_problems_from_file_to_table_and_on(tmp_path: Path) -> None:
     assert {outcome for (name, _), outcome in found.items() if name != "far"} == {"solved"}
     assert found["far", "rrt"] == found["far", "gcs"] == "planning"
     summary = json.loads((out / "summary.json").read_text())
+    assert 'id="problem-' in (out / "index.html").read_text()
     assert summary["planners"]["rrt"]["solved"] == {"successes": 2, "trials": 3}
     assert summary["planners"]["gcs"]["failures"] == {"planning": 1}
     assert summary["planners"]["gcs"]["groups"] == {
