@@ -18,6 +18,7 @@ from split_drake.camera import Intrinsics, look_at
 from split_drake.files import write_atomically
 from split_drake.poses import Array
 from split_drake.station.station import Station
+from split_drake.truth.snapshots import restored, snapshot, stand_as
 
 # Of a film of a failure.
 FRAMES_PER_SECOND, SPEED = 4.0, 2.0
@@ -32,7 +33,7 @@ class Frame:
 
     Attributes:
         time_s: of the simulation.
-        positions: of the plant.
+        positions: see `split_drake.truth.snapshots`.
     """
 
     time_s: float
@@ -65,9 +66,7 @@ class Film:
         return self._station.time_s
 
     def _keep(self, time_s: float) -> None:
-        plant = self._station.plant
-        positions = plant.GetPositions(self._station.plant_context)
-        self._frames.append(Frame(time_s, np.array(positions)))
+        self._frames.append(Frame(time_s, snapshot(self._station)))
 
     def save_still(self, path: Path, time_s: float) -> None:
         """Write a picture of the frame that is nearest to a time, as WebP."""
@@ -82,17 +81,12 @@ class Film:
 
     def _drawn(self, frames: Sequence[Frame]) -> list[NDArray[np.uint8]]:
         """Return a picture of each frame; the station stands as it did afterwards."""
-        station = self._station
-        plant, context = station.plant, station.plant_context
-        now = np.array(plant.GetPositions(context))
-        try:
-            pictures = []
+        pictures = []
+        with restored(self._station):
             for frame in frames:
-                plant.SetPositions(context, frame.positions)
-                pictures.append(station.photograph(INTRINSICS, self._X_WC))
-            return pictures
-        finally:
-            plant.SetPositions(context, now)
+                stand_as(self._station, frame.positions)
+                pictures.append(self._station.photograph(INTRINSICS, self._X_WC))
+        return pictures
 
 
 def _save(path: Path, images: Sequence[Image.Image], quality: int) -> None:

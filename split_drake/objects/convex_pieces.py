@@ -6,7 +6,7 @@ import manifold3d
 import numpy as np
 import trimesh
 
-from split_drake.objects.rigid import Primitive
+from split_drake.objects.rigid import Primitive, is_flat
 from split_drake.poses import Array
 
 # Bodies of more pieces than this stand on several of them, unless one is as large as they are.
@@ -58,7 +58,9 @@ def _cut_in_halves(p_OVs: Array, axes: Iterable[int]) -> list[Array]:
     for axis in axes:
         normal = np.eye(3)[axis]
         parts = [half for part in parts for half in part.split_by_plane(normal, middle[axis])]
-    return [_vertices(part) for part in parts if not part.is_empty()]
+    cut = [_vertices(part) for part in parts if not part.is_empty()]
+    # A cut beside a corner leaves a sliver, which bears nothing.
+    return [part for part in cut if not is_flat(part)]
 
 
 def piece_mesh(piece: Primitive) -> trimesh.Trimesh:

@@ -72,10 +72,15 @@ class Primitive:
             raise ValueError(f"p_PVs has shape {shape}; expected (N, 3) of at least 4 vertices")
         if not np.isfinite(self.p_PVs).all():
             raise ValueError("p_PVs holds NaN or infinite values; expected finite points")
-        offsets = self.p_PVs - np.mean(self.p_PVs, axis=0)
-        thickness_m = np.linalg.svd(offsets, compute_uv=False)[-1] / np.sqrt(len(offsets))
-        if thickness_m < _FLAT_M:
+        if is_flat(self.p_PVs):
             raise ValueError("p_PVs lie in one plane; expected vertices that span a volume")
+
+
+def is_flat(points: Array) -> bool:
+    """Return whether points (N, 3) lie in one plane, nearly, so that they span no volume."""
+    offsets = points - np.mean(points, axis=0)
+    thickness_m = np.linalg.svd(offsets, compute_uv=False)[-1] / np.sqrt(len(offsets))
+    return bool(thickness_m < _FLAT_M)
 
 
 @dataclass(frozen=True)
