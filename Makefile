@@ -35,7 +35,7 @@ system-libraries:
 	fi
 
 test: setup
-	@echo "lint, types and tests: about 8 minutes on two cores"
+	@echo "lint, types and tests: 10 to 15 minutes on two cores"
 	@$(BIN)/ruff check --quiet .
 	@$(BIN)/ruff format --quiet --check .
 	@$(BIN)/mypy --no-error-summary

@@ -37,8 +37,7 @@ class TableOptions:
     Attributes:
         out: folder of the runs and of the tables.
         whole: run what is missing.
-        quick: run what is missing of 4 rounds of 2 seeds a cell, and of 4 trials with mugs: 10 to
-            20 minutes on two cores.
+        quick: run what is missing of 4 rounds of 2 seeds a cell, and of 4 trials with mugs.
         rows: names of the rows to run and to show, such as split and vgn; all where none is named.
         rounds: of each seed.
         seeds: how many, from `first_seed` on.

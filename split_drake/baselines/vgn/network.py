@@ -54,7 +54,7 @@ class VgnNetwork(nn.Module):
     def at(self, tsdf: Tensor, voxels: Tensor) -> VoxelGrasps:
         """Return grasps at voxels (B, N, 3) alone, indices in [0, r); the batch is (B, N).
 
-        That is what `forward` says there, for a third of the work where N is small.
+        That is what `forward` says there, for less work where N is small.
         """
         around = _HEAD_KERNEL // 2
         features = functional.pad(self._features(tsdf), (around,) * 6)

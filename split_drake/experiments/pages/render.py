@@ -19,7 +19,7 @@ def render(page: RunPage) -> str:
     return (
         _environment()
         .get_template("run.html")
-        .render(page=page, details=_script_json(_details(page)), lines=plain_lines)
+        .render(page=page, details=_script_json(_details(page)))
     )
 
 
@@ -54,8 +54,3 @@ def _script_json(value: Mapping[str, Any]) -> str:
     """Return JSON that may stand in a script: nothing in it can end that."""
     text = json.dumps(value, separators=(",", ":"), default=str)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def plain_lines(text: str) -> list[str]:
-    """Return the lines of a text."""
-    return text.splitlines()
