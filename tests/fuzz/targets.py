@@ -265,7 +265,7 @@ def problem_file(folder: Path, rng: Rng) -> None:
 
 
 def plan_rows(folder: Path, rng: Rng) -> None:
-    suffix = pick(rng, (".csv", ".json"))
+    suffix = pick(rng, (".csv", ".json", ".json", ".json"))  # CSV is not read, only refused
     good, file = folder / f"good_plan{suffix}", folder / f"plan{suffix}"
     if not good.exists():
         export_rows(good, rows_of(reorient_plan().segments)[:20])
