@@ -42,7 +42,9 @@ class TableOptions:
         rounds: of each seed.
         seeds: how many, from `first_seed` on.
         first_seed: of the rounds.
-        objects, noise, fit_table: as of `scenarios.clutter_removal`.
+        objects: as of `scenarios.clutter_removal`; of a folder that holds folders packed and pile,
+            each is for its kind of scene.
+        noise, fit_table: as of `scenarios.clutter_removal`.
         authors: folder with weights that GIGA's authors published, of GIGA and of VGN: adds a row
             for each.  Its files are vgn_packed.pt, vgn_pile.pt, giga_packed.pt and giga_pile.pt.
         mug_trials: of each of the mug experiment's figures; 0 to leave them out.
@@ -91,13 +93,20 @@ class TableOptions:
             first_seed=self.first_seed,
             detector=row.detector,
             checkpoint=row.weights.get(scene),
-            objects=self.objects,
+            objects=objects_for(self.objects, scene),
             noise=self.noise,
             fit_table=self.fit_table,
             record="none",
             workers=self.workers,
             out=cell_folder(self.out, row, scene),
         )
+
+
+def objects_for(objects: str, scene: SceneKind) -> str:
+    """Return the objects of one kind of scene: the folder of its name where `objects` has both."""
+    if all((Path(objects) / each).is_dir() for each in SCENES):
+        return str(Path(objects) / scene)
+    return objects
 
 
 def run_missing(options: TableOptions, rows: Sequence[TableRow], console: Console) -> None:

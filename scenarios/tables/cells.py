@@ -7,13 +7,15 @@ from typing import Any
 
 from scenarios.clutter.records import Removal, RoundRecord, clutter_run
 from scenarios.clutter.spec import SceneKind
-from scenarios.tables.rows import TableRow
+from scenarios.tables.rows import SCENES, TableRow
 from split_drake.bad_input import BadInputError
 from split_drake.experiments.run import CONFIG
 from split_drake.files import read_json_object
 
-# What has to be the same in all cells of a table, so that methods meet the same scenes.
-SAME = ("objects_sha256", "noise", "fit_table", "select", "robot", "first_seed")
+# What has to be the same in all cells of a table, and in those of one kind of scene, so that
+# methods meet the same scenes.
+SAME = ("noise", "fit_table", "select", "robot", "first_seed")
+SAME_IN_A_COLUMN = ("objects_sha256",)
 
 
 @dataclass(frozen=True)
@@ -63,10 +65,18 @@ def read_cell(out: Path, row: TableRow, scene: SceneKind, rounds: int, seeds: ra
 def require_comparable(cells: Sequence[Cell]) -> None:
     """Raise BadInputError naming the first cell that was run in other conditions than the rest."""
     for cell in cells[1:]:
-        for key in SAME:
-            first, found = cells[0].config.get(key), cell.config.get(key)
-            if first != found:
-                raise BadInputError(
-                    f"{cell.row.name}-{cell.scene} has {key} {found!r}, "
-                    f"{cells[0].row.name}-{cells[0].scene} has {first!r}; a table needs the same"
-                )
+        _require_same(cells[0], cell, SAME)
+    for scene in SCENES:
+        column = [cell for cell in cells if cell.scene == scene]
+        for cell in column[1:]:
+            _require_same(column[0], cell, SAME_IN_A_COLUMN)
+
+
+def _require_same(first: Cell, second: Cell, keys: Sequence[str]) -> None:
+    for key in keys:
+        if first.config.get(key) != second.config.get(key):
+            raise BadInputError(
+                f"{second.row.name}-{second.scene} has {key} {second.config.get(key)!r}, "
+                f"{first.row.name}-{first.scene} has {first.config.get(key)!r}; "
+                "a table needs the same"
+            )

@@ -134,8 +134,27 @@ def test_runs_in_other_conditions_are_no_table(tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match="has noise 'gaussian', vgn-packed has 'dex'; a table"):
         made_table(options(tmp_path), table_rows())
     require_comparable([])
+    keep(tmp_path / "others", "split", 0.8)
+    keep(tmp_path / "others", "oracle", 0.8, {"objects_sha256": "def"})
+    with pytest.raises(BadInputError, match="oracle-packed has objects_sha256 'def', "):
+        made_table(options(tmp_path / "others"), table_rows())
     with pytest.raises(BadInputError, match="holds no runs; --quick or --whole make them"):
         made_table(options(tmp_path / "nowhere"), table_rows())
+
+
+def test_each_kind_of_scene_may_have_its_objects(tmp_path: Path) -> None:
+    keep(tmp_path, "split", 0.8)
+    row = chosen_rows(("split",), None)[0]
+    write_json(
+        cell_folder(tmp_path, row, "pile") / "config.json", {**CONFIG, "objects_sha256": "def"}
+    )
+    assert made_table(options(tmp_path), [row]).cells
+    for scene in SCENES:
+        (tmp_path / "objects" / scene).mkdir(parents=True)
+    both = options(tmp_path, objects=str(tmp_path / "objects"))
+    assert both.clutter(row, "pile").objects == str(tmp_path / "objects" / "pile")
+    one = options(tmp_path, objects=str(tmp_path / "objects" / "pile"))
+    assert one.clutter(row, "packed").objects == one.objects
 
 
 def test_all_forms_are_written(tmp_path: Path) -> None:
