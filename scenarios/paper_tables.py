@@ -27,6 +27,8 @@ from split_drake.bad_input import BadInputError, require_count, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.files import write_atomically, write_json
 
+# Folders of VGN's layout; those that nothing was trained on come first.
+_PARTS = ("test", "train")
 QUICK_ROUNDS, QUICK_SEEDS, QUICK_TRIALS = 4, 2, 4
 
 
@@ -42,8 +44,8 @@ class TableOptions:
         rounds: of each seed.
         seeds: how many, from `first_seed` on.
         first_seed: of the rounds.
-        objects: as of `scenarios.clutter_removal`; of a folder that holds folders packed and pile,
-            each is for its kind of scene.
+        objects: as of `scenarios.clutter_removal`; or a folder of VGN's layout, with folders packed
+            and pile, and in each the objects, or a folder test or train of them.
         noise, fit_table: as of `scenarios.clutter_removal`.
         authors: folder with weights that GIGA's authors published, of GIGA and of VGN: adds a row
             for each.  Its files are vgn_packed.pt, vgn_pile.pt, giga_packed.pt and giga_pile.pt.
@@ -103,10 +105,11 @@ class TableOptions:
 
 
 def objects_for(objects: str, scene: SceneKind) -> str:
-    """Return the objects of one kind of scene: the folder of its name where `objects` has both."""
-    if all((Path(objects) / each).is_dir() for each in SCENES):
-        return str(Path(objects) / scene)
-    return objects
+    """Return the objects of one kind of scene: of a folder of VGN's layout, those for that kind."""
+    if not all((Path(objects) / each).is_dir() for each in SCENES):
+        return objects
+    folder = Path(objects) / scene
+    return str(next((folder / part for part in _PARTS if (folder / part).is_dir()), folder))
 
 
 def run_missing(options: TableOptions, rows: Sequence[TableRow], console: Console) -> None:

@@ -153,6 +153,9 @@ def test_each_kind_of_scene_may_have_its_objects(tmp_path: Path) -> None:
         (tmp_path / "objects" / scene).mkdir(parents=True)
     both = options(tmp_path, objects=str(tmp_path / "objects"))
     assert both.clutter(row, "pile").objects == str(tmp_path / "objects" / "pile")
+    for part in ("train", "test"):
+        (tmp_path / "objects" / "pile" / part).mkdir()
+        assert both.clutter(row, "pile").objects == str(tmp_path / "objects" / "pile" / part)
     one = options(tmp_path, objects=str(tmp_path / "objects" / "pile"))
     assert one.clutter(row, "packed").objects == one.objects
 
