@@ -34,7 +34,7 @@ from scenarios.clutter.spec import (
 )
 from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
-from split_drake.experiments.pool import WorkerPool
+from split_drake.experiments.pools import LOCAL, make_pool, require_scheduler
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import require_results
 from split_drake.experiments.shards import Shard
@@ -42,7 +42,9 @@ from split_drake.objects.meshes.mesh_file import ObjectFileError
 from split_drake.station.egl import check_rendering
 from split_drake.station.layout import Layout
 
-_FREE_KEYS = ("rounds", "seeds", "workers", "record", "limit_s", "out")
+_FREE_KEYS = ("rounds", "seeds", "workers", "scheduler", "record", "limit_s", "out")
+# Of a run's folder, what rounds read again.
+_KEPT = ("decompositions",)
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,8 @@ class ClutterOptions:
         shard: such as 2/5, the second of five parts of the run, for machines that know nothing of
             each other; `scenarios.merge` makes them one.
         workers: processes; outcomes do not depend on them.
+        scheduler: "local", or where Dask's scheduler is, such as tcp://10.0.0.5:8786; see
+            split_drake/experiments/cluster/README.md.
         limit_s: a round that takes longer is ended, and recorded as such; so generous that no
             outcome depends on it.
         out: folder of the results; runs/clutter_removal/<time> where not given.
@@ -93,6 +97,7 @@ class ClutterOptions:
     record: Recorded = "failures"
     shard: str | None = None
     workers: int = len(os.sched_getaffinity(0))
+    scheduler: str = LOCAL
     limit_s: float = 3600.0
     out: Path | None = None
 
@@ -140,13 +145,13 @@ def missing_rounds(
     """Return the rounds of a run, without those whose (seed, index) are `done`."""
     layout = layout_of(options)
     part = None if options.shard is None else Shard.parse(options.shard)
+    objects = object_source(options.objects, folder / "decompositions")
     return [
         RoundSpec(
             seed=options.first_seed + seed,
             index=index,
             scene=options.scene,
-            objects=options.objects,
-            cache=folder / "decompositions",
+            objects=objects,
             detector=options.detector,
             checkpoint=options.checkpoint,
             noise=options.noise,
@@ -180,6 +185,7 @@ def describe(records: Sequence[RoundRecord]) -> str:
 def main(options: ClutterOptions) -> Path:
     """Run what is missing of the rounds, report, and return the folder."""
     console = Console()
+    require_scheduler(options.scheduler)
     folder = options.out or Path("runs/clutter_removal") / datetime.now().strftime("%Y%m%d-%H%M%S")
     try:
         config = run_config(options)
@@ -191,7 +197,15 @@ def main(options: ClutterOptions) -> Path:
     with run.claim(config, _FREE_KEYS, again=lambda record: record.failed_to_run):
         done = {(each.seed, each.index) for each in run.records()}
         specs = missing_rounds(options, folder, done)
-        pool = WorkerPool(run_round, options.workers, crashed_round, limit_s=options.limit_s)
+        pool = make_pool(
+            options.scheduler,
+            options.workers,
+            run_round,
+            crashed_round,
+            limit_s=options.limit_s,
+            run=folder,
+            kept=_KEPT,
+        )
         run.collect(pool.run(specs), len(specs), console, describe)
         records = asked_records(options, run.records())
         if not records:

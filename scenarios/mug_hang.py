@@ -21,7 +21,7 @@ from rich.console import Console
 from planning.planner import planner_names
 from planning.subgoal import find_subgoal
 from scenarios.trials.detectors import require_working_detector, station_of
-from scenarios.trials.mug_check import MugCheck, keep_grasps
+from scenarios.trials.mug_check import GRASPS, MugCheck, keep_grasps
 from scenarios.trials.mug_tasks import MugTaskName
 from scenarios.trials.pose_noise import PoseNoise
 from scenarios.trials.records import TrialRecord, success_rate, trial_run
@@ -32,7 +32,7 @@ from scenarios.trials.trial import crashed_trial, run_trial
 from split_drake.bad_input import require_number, require_numbers
 from split_drake.depth_noise import DepthNoiseLevel
 from split_drake.experiments.command import run_command
-from split_drake.experiments.pool import WorkerPool
+from split_drake.experiments.pools import LOCAL, make_pool, require_scheduler
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import RunFolder, as_json, require_results
 from split_drake.experiments.shards import Shard
@@ -73,6 +73,8 @@ class MugHangOptions:
         shard: such as 2/5, the second of five parts of the run, for machines that know nothing of
             each other; `scenarios.merge` makes them one.
         workers: processes; outcomes do not depend on them.
+        scheduler: "local", or where Dask's scheduler is, such as tcp://10.0.0.5:8786; see
+            split_drake/experiments/cluster/README.md.
         record: which trials keep a recording and the pose sets they perceived.
         limit_s: a trial that takes longer is ended, and recorded as an error; so generous that no
             outcome depends on it.
@@ -93,6 +95,7 @@ class MugHangOptions:
     pose_noise_mm: float = 0.0
     pose_noise_deg: float = 0.0
     workers: int = len(os.sched_getaffinity(0))
+    scheduler: str = LOCAL
     feedback: bool = True
     check_plans: bool = False
     shard: str | None = None
@@ -139,7 +142,7 @@ class MugHangOptions:
 
 
 # What may differ when a run goes on: none of it changes an outcome.
-FREE_KEYS = ("trials", "workers", "record", "limit_s", "out")
+FREE_KEYS = ("trials", "workers", "scheduler", "record", "limit_s", "out")
 
 
 def run_config(options: MugHangOptions, mugs: UsableMugs | None = None) -> dict[str, Any]:
@@ -219,7 +222,15 @@ def run_missing(
     run: RunFolder[TrialRecord], specs: list[TrialSpec], options: MugHangOptions, console: Console
 ) -> None:
     """Run the trials, and log each as it ends."""
-    pool = WorkerPool(run_trial, options.workers, crashed_trial, limit_s=options.limit_s)
+    pool = make_pool(
+        options.scheduler,
+        options.workers,
+        run_trial,
+        crashed_trial,
+        limit_s=options.limit_s,
+        run=run.path,
+        kept=(GRASPS,),
+    )
     run.collect(
         pool.run(specs),
         len(specs),
@@ -242,6 +253,7 @@ def main(options: MugHangOptions) -> Path:
     Trials that ended in an error are tried again.  Raises NoResultsError where all of them did.
     """
     console = Console()
+    require_scheduler(options.scheduler)
     started = time.monotonic()
     folder = options.out or Path("runs/mug_hang") / datetime.now().strftime("%Y%m%d-%H%M%S")
     run = trial_run(folder)

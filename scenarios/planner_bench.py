@@ -45,7 +45,7 @@ from scenarios.bench.report import print_bench, write_bench_summary
 from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pages.render import render
-from split_drake.experiments.pool import WorkerPool
+from split_drake.experiments.pools import LOCAL, make_pool, require_scheduler
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import as_json, require_results
 from split_drake.files import write_atomically
@@ -64,6 +64,8 @@ class BenchOptions:
         seed: with the problem's number in the file, of all planners: they draw alike on one
             problem, and otherwise on the next.
         workers: processes; more than one disturbs the times.
+        scheduler: "local", or where Dask's scheduler is, such as tcp://10.0.0.5:8786; see
+            split_drake/experiments/cluster/README.md.
         limit_s: a planner that takes longer on a problem is ended, and recorded as an error.
         out: folder of the results; runs/planner_bench/<time> where not given.
     """
@@ -74,6 +76,7 @@ class BenchOptions:
     limit: int | None = None
     seed: int = 0
     workers: int = 1
+    scheduler: str = LOCAL
     limit_s: float = 1800.0
     out: Path | None = None
 
@@ -103,7 +106,7 @@ class BenchOptions:
 
 
 # What may differ when a bench goes on: it changes no plan, and no time.
-_FREE_KEYS = ("planner", "limit", "limit_s", "out", "problems", "export")
+_FREE_KEYS = ("planner", "scheduler", "limit", "limit_s", "out", "problems", "export")
 
 
 def bench_config(options: BenchOptions) -> dict[str, Any]:
@@ -172,6 +175,7 @@ def export_motions(options: BenchOptions, path: Path, console: Console) -> Path:
 def main(options: BenchOptions) -> Path:
     """Run what is missing of the bench, report, and return the folder; or export the problems."""
     console = Console()
+    require_scheduler(options.scheduler)
     if options.export is not None:
         return export_motions(options, options.export, console)
     folder = options.out or Path("runs/planner_bench") / datetime.now().strftime("%Y%m%d-%H%M%S")
@@ -179,7 +183,9 @@ def main(options: BenchOptions) -> Path:
     config, run = bench_config(options), bench_run(folder)
     with run.claim(config, _FREE_KEYS, again=lambda record: record.failed_to_run):
         tasks = missing_tasks(options, subgoals, run.records())
-        pool = WorkerPool(run_task, options.workers, crashed_task, limit_s=options.limit_s)
+        pool = make_pool(
+            options.scheduler, options.workers, run_task, crashed_task, limit_s=options.limit_s
+        )
         run.collect(pool.run(tasks), len(tasks), console)
         asked = [r for r in run.records() if r.problem in subgoals and r.planner in options.planner]
         write_bench_summary(folder / "summary.json", asked, options.planner, config)

@@ -28,14 +28,14 @@ from planning.problem import PlanningProblem
 from planning.problem_files import compact, save_problems
 from planning.subgoal import find_subgoal
 from scenarios.trials.detectors import require_working_detector, station_of
-from scenarios.trials.mug_check import MugCheck
+from scenarios.trials.mug_check import GRASPS, MugCheck
 from scenarios.trials.mug_tasks import MUG_TASK_NAMES, MugTaskName
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.setup import TrialGenerators, set_up
 from scenarios.trials.spec import TrialSpec
 from split_drake.bad_input import require_count, require_number, require_numbers
 from split_drake.experiments.command import run_command
-from split_drake.experiments.pool import WorkerPool
+from split_drake.experiments.pools import LOCAL, make_pool, require_scheduler
 from split_drake.experiments.run import NoResultsError
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.objects.scanned.usable import usable_mugs
@@ -79,6 +79,8 @@ class RecordOptions:
         noise_m: standard deviation of the noise on the sampled points.
         checkpoint: weights of SPLIT; those that ship with the project where not given.
         workers: processes; the file does not depend on them.
+        scheduler: "local", or where Dask's scheduler is, such as tcp://10.0.0.5:8786; see
+            split_drake/experiments/cluster/README.md.
         out: the file.
     """
 
@@ -93,6 +95,7 @@ class RecordOptions:
     noise_m: float = 0.005
     checkpoint: Path | None = None
     workers: int = len(os.sched_getaffinity(0))
+    scheduler: str = LOCAL
     out: Path = Path("runs/problems/mugs.npz")
 
     def __post_init__(self) -> None:
@@ -211,11 +214,18 @@ def _crashed(spec: TrialSpec, reason: str) -> Recorded:
 
 
 def record(
-    specs: Sequence[TrialSpec], starts: Starts, workers: int, console: Console
+    options: RecordOptions, specs: Sequence[TrialSpec], folder: Path, console: Console
 ) -> list[Recorded]:
-    """Return what became of all starts, in their order."""
-    make = partial(record_problem, starts)
-    pool = WorkerPool(make, workers, _crashed, limit_s=_LIMIT_S)
+    """Return what became of all starts, in their order; true grasps lie in `folder`."""
+    pool = make_pool(
+        options.scheduler,
+        options.workers,
+        partial(record_problem, options.starts),
+        _crashed,
+        limit_s=_LIMIT_S,
+        run=folder,
+        kept=(GRASPS,),
+    )
     found = track(pool.run(specs), "recording", total=len(specs), console=console)
     return sorted(found, key=lambda recorded: recorded.index)
 
@@ -223,6 +233,7 @@ def record(
 def main(options: RecordOptions) -> Path:
     """Record the problems, and return their file."""
     console = Console()
+    require_scheduler(options.scheduler)
     for detector, task in product(options.detectors, options.tasks):
         require_working_detector(detector, options.checkpoint, find_subgoal(task))
     station = _station(options, options.detectors[0], 0)
@@ -230,7 +241,7 @@ def main(options: RecordOptions) -> Path:
         grasps = Path(scratch)
         trial = MugCheck(station, grasps if "oracle" in options.detectors else None, grasps)
         mugs = usable_mugs(MugSource(options.mugs), options.workers, console, trial).source
-        found = record(specs_of(options, mugs, grasps), options.starts, options.workers, console)
+        found = record(options, specs_of(options, mugs, grasps), grasps, console)
     for recorded in found:
         if recorded.problem is None:
             console.print(f"{recorded.name}: left out: {recorded.reason}")

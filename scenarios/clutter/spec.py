@@ -39,7 +39,6 @@ class RoundSpec:
         seed, index: of its draws; with the same ones every detector meets the same start.
         scene: how objects lie when it starts.
         objects: where they come from, see `object_source`.
-        cache: where convex decompositions of a folder's meshes are kept.
         detector: the method that finds grasps, see `clutter_detectors`.
         checkpoint: its parameters, where it has any.
         noise: of what it sees.
@@ -54,8 +53,7 @@ class RoundSpec:
     seed: int
     index: int
     scene: SceneKind
-    objects: str
-    cache: Path
+    objects: ObjectSource
     detector: str
     checkpoint: Path | None
     noise: Noise
@@ -79,7 +77,8 @@ class RoundSpec:
 def object_source(objects: str, cache: Path) -> ObjectSource:
     """Return where the objects that are called so come from.
 
-    Raises ObjectFileError where they are called as a folder that is none.
+    Convex decompositions of a folder's meshes are kept in `cache`.  Raises ObjectFileError where
+    they are called as a folder that is none.
     """
     if objects in PROCEDURAL:
         return ProceduralSource(PROCEDURAL[objects])
@@ -88,7 +87,7 @@ def object_source(objects: str, cache: Path) -> ObjectSource:
 
 def drawn_objects(spec: RoundSpec, rng: np.random.Generator) -> list[RigidObject]:
     """Return objects drawn with replacement and scaled, named by their number too."""
-    source = object_source(spec.objects, spec.cache)
+    source = spec.objects
     names, count = source.names(), PACKED_ATTEMPTS if spec.scene == "packed" else OBJECTS
     low, high = SCALES[spec.scene]
     drawn = [

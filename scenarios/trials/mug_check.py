@@ -13,6 +13,9 @@ from split_drake.objects.scanned.files import ReadMug
 from split_drake.station.config import StationConfig
 from split_drake.station.station import Station
 
+# Entry of a run's folder with the true grasps of its mugs.
+GRASPS = "grasps"
+
 
 @dataclass(frozen=True)
 class MugCheck:
@@ -39,14 +42,14 @@ class MugCheck:
 
 def keep_grasps(scratch: Path, folder: Path) -> None:
     """Copy the true grasps that `MugCheck` wrote to the folder of a run, which lacks them."""
-    for path in sorted((scratch / "grasps").glob("*.npz")):
-        with replacing(folder / "grasps" / path.name) as temporary:
+    for path in sorted((scratch / GRASPS).glob("*.npz")):
+        with replacing(folder / GRASPS / path.name) as temporary:
             shutil.copyfile(path, temporary)
 
 
 def grasps_path(folder: Path, name: str) -> Path:
     """Return where a run keeps the true grasps of a mug."""
-    return folder / "grasps" / f"{name}.npz"
+    return folder / GRASPS / f"{name}.npz"
 
 
 def read_grasps(folder: Path, name: str) -> GraspLabels:

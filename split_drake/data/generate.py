@@ -39,14 +39,14 @@ from split_drake.data.grasp_candidates import GraspCandidates
 from split_drake.data.labels import FixedPoses, PoseLabels, PoseState
 from split_drake.data.object_scenes import ObjectScenes, feature_visible
 from split_drake.data.randomization import DomainRandomization
-from split_drake.data.rests import Rests, load_rests, rests_path
+from split_drake.data.rests import Rests, rests_in, rests_path
 from split_drake.data.scene_generator import SceneGenerator
 from split_drake.experiments.command import run_command
-from split_drake.experiments.pool import InThisProcess, WorkerPool
+from split_drake.experiments.pools import LOCAL, require_scheduler, shard_pool
 from split_drake.experiments.provenance import combined_sha256, file_sha256, qualified_name
 from split_drake.experiments.run import claim_folder
 from split_drake.files import write_json
-from split_drake.grasps.store import load_checked_grasps, store_path
+from split_drake.grasps.store import grasps_in, store_path
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.objects.scanned.usable import usable_mugs
 from split_drake.objects.task_object import ObjectSource, TaskObject
@@ -133,6 +133,8 @@ class GenerateConfig:
         station: a YAML file of where cameras and table stand, see
             split_drake/station/file/station_file.py; the usual station where not given.
         workers: processes, 1 for this one alone; the scenes do not depend on them.
+        scheduler: "local", or where Dask's scheduler is, such as tcp://10.0.0.5:8786; see
+            split_drake/experiments/cluster/README.md.
     """
 
     out: Path
@@ -142,6 +144,7 @@ class GenerateConfig:
     randomization: DomainRandomization = field(default_factory=DomainRandomization)
     station: Path | None = None
     workers: int = len(os.sched_getaffinity(0))
+    scheduler: str = LOCAL
 
     def __post_init__(self) -> None:
         require_numbers(self)
@@ -181,8 +184,8 @@ class GenerateConfig:
             source=source,
             tasks=MUG_TASKS,
             layout=layout,
-            make_rests=partial(_mug_rests, self.mugs),
-            make_labels=partial(_mug_labels, self.mugs),
+            make_rests=partial(_mug_rests, source, rests_path(self.mugs)),
+            make_labels=partial(_mug_labels, source, store_path(self.mugs)),
             randomization=self.randomization,
             scenes_per_object=self.scenes_per_mug,
             seed=self.seed,
@@ -190,14 +193,16 @@ class GenerateConfig:
         )
 
 
-def _mug_rests(mugs: str, mug: TaskObject, _layout: Layout) -> Rests:
+def _mug_rests(source: MugSource, kept: Path, mug: TaskObject, _layout: Layout) -> Rests:
     """Return the rests that are kept, which know their table's top only."""
-    return load_rests(mugs, mug.name)
+    return rests_in(kept, source, mug.name)
 
 
-def _mug_labels(mugs: str, mug: TaskObject, task: PoseTask, rng: np.random.Generator) -> PoseLabels:
+def _mug_labels(
+    source: MugSource, kept: Path, mug: TaskObject, task: PoseTask, rng: np.random.Generator
+) -> PoseLabels:
     if task == GRASP:
-        return GraspCandidates.from_checked(mug, load_checked_grasps(mugs, mug.name), rng)
+        return GraspCandidates.from_checked(mug, grasps_in(kept, source, mug.name), rng)
     return FixedPoses(mug.poses_of(task))
 
 
@@ -255,7 +260,7 @@ def summarize(
     }
 
 
-def generate(recipe: DatasetRecipe, out: Path, workers: int) -> None:
+def generate(recipe: DatasetRecipe, out: Path, workers: int, scheduler: str = LOCAL) -> None:
     """Write the shards that are missing to the folder `out`, then the manifest.
 
     Raises AnotherRunError where the folder holds scenes of another recipe.
@@ -264,7 +269,7 @@ def generate(recipe: DatasetRecipe, out: Path, workers: int) -> None:
     make = partial(generate_shard, recipe, out)
     with claim_folder(out, recipe.config()) as config:
         missing = [name for name in names if not (out / f"{name}.npz").exists()]
-        pool = InThisProcess(make) if workers == 1 else WorkerPool(make, workers)
+        pool = shard_pool(scheduler, workers, make, out)
         for _ in track(pool.run(missing), "shards", total=len(missing)):
             pass
         write_json(out / MANIFEST, _manifest(recipe, out, config))
@@ -284,7 +289,8 @@ def _manifest(recipe: DatasetRecipe, out: Path, config: dict[str, Any]) -> dict[
 
 def main(config: GenerateConfig) -> None:
     """Generate the scenes that the command asks for."""
-    generate(config.recipe(), config.out, config.workers)
+    require_scheduler(config.scheduler)
+    generate(config.recipe(), config.out, config.workers, config.scheduler)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.experiments.command import run_command
-from split_drake.experiments.pool import WorkerPool
+from split_drake.experiments.pools import LOCAL, make_pool, require_scheduler
 from split_drake.files import interpreting, read_npz, replacing
 from split_drake.objects.rigid import RigidObject
 from split_drake.objects.scanned.mug_source import MugSource
@@ -85,15 +85,14 @@ def rests_path(mugs: str) -> Path:
 
 
 @lru_cache(maxsize=2)
-def _kept(mugs: str) -> dict[str, Rests]:
-    path = rests_path(mugs)
+def _kept(path: Path, source: MugSource) -> dict[str, Rests]:
     if not path.is_file():
         raise RestsError(
-            f"{path} is missing; python -m split_drake.data.rests --mugs {mugs} makes it"
+            f"{path} is missing; python -m split_drake.data.rests --mugs {source.where} makes it"
         )
     keys = ("names", "X_TOs", "dropped")
     arrays = read_npz(path, _WHAT, required=("mugs_sha256", *keys))
-    if (found := str(arrays["mugs_sha256"])) != (expected := MugSource(mugs).mugs_sha256()):
+    if (found := str(arrays["mugs_sha256"])) != (expected := source.mugs_sha256()):
         raise RestsError(
             f"{path} was made for mugs of SHA-256 {found[:12]}, but they have {expected[:12]}; "
             "python -m split_drake.data.rests makes it anew"
@@ -108,9 +107,17 @@ def load_rests(mugs: str, name: str) -> Rests:
 
     Raises RestsError where there are none.
     """
-    rests = _kept(mugs)
+    return rests_in(rests_path(mugs), MugSource(mugs), name)
+
+
+def rests_in(path: Path, source: MugSource, name: str) -> Rests:
+    """Return the rests of one of a source's mugs from the file that keeps them.
+
+    Raises RestsError where there are none, or the file is of other mugs.
+    """
+    rests = _kept(path, source)
     if name not in rests:
-        raise RestsError(f"there are no rests of {name!r}; expected one of {mugs}'s mugs")
+        raise RestsError(f"there are no rests of {name!r}; expected one of {source.where}'s mugs")
     return rests[name]
 
 
@@ -122,11 +129,14 @@ class SettleConfig:
         mugs: "train", "test", or a folder of meshes.
         count: rests of each.
         workers: processes; the rests do not depend on them.
+        scheduler: "local", or where Dask's scheduler is, such as tcp://10.0.0.5:8786; see
+            split_drake/experiments/cluster/README.md.
     """
 
     mugs: str = "train"
     count: int = 40
     workers: int = len(os.sched_getaffinity(0))
+    scheduler: str = LOCAL
 
     def __post_init__(self) -> None:
         require_numbers(self)
@@ -144,9 +154,11 @@ def _settle_mug(source: MugSource, count: int, layout: Layout, name: str) -> tup
 
 def settle_split(config: SettleConfig, layout: Layout) -> None:
     """Write the rests of a split's or a folder's mugs on the table of a layout."""
+    require_scheduler(config.scheduler)
     source = usable_mugs(MugSource(config.mugs), config.workers, Console()).source
     names = source.names()
-    pool = WorkerPool(partial(_settle_mug, source, config.count, layout), config.workers)
+    settle_mug = partial(_settle_mug, source, config.count, layout)
+    pool = make_pool(config.scheduler, config.workers, settle_mug)
     found = dict(track(pool.run(names), "mugs", total=len(names)))
     rests = [found[name] for name in names]
     with replacing(rests_path(config.mugs)) as temporary:

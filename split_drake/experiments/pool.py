@@ -24,6 +24,11 @@ WORKER_DIED = "the worker process died"
 _POLL_S = 1.0
 
 
+def too_long(limit_s: float) -> str:
+    """Return what is told of an item that took longer than `limit_s`."""
+    return f"it took longer than {limit_s:g} s, and its worker process was killed"
+
+
 class WorkerDiedError(BadInputError, RuntimeError):
     """The processes that worked on some items died, each on its own, or took too long."""
 
@@ -122,7 +127,7 @@ class WorkerPool(Generic[Item, Result]):
                     found = [running.pop(future).item for future in late]
                     waiting.extend(started.item for started in reversed(running.values()))
                     for item in found:
-                        yield from self._given_up(item, self._too_long())
+                        yield from self._given_up(item, too_long(self._limit_s or 0.0))
                     return []
             finished = True
         except BrokenProcessPool:
@@ -143,9 +148,6 @@ class WorkerPool(Generic[Item, Result]):
         if self._limit_s is None or future.done():
             return False
         return time.monotonic() - running[future].at_s > self._limit_s
-
-    def _too_long(self) -> str:
-        return f"it took longer than {self._limit_s:g} s, and its worker process was killed"
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from split_drake.bad_input import BadInputError
 from split_drake.experiments.run import require_same
 
 # What a part may have otherwise than the others.
-_OWN = ("shard", "out", "workers", "record", "limit_s")
+_OWN = ("shard", "out", "workers", "scheduler", "record", "limit_s")
 
 
 @dataclass(frozen=True)

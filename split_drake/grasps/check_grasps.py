@@ -17,7 +17,7 @@ from rich.progress import track
 
 from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
-from split_drake.experiments.pool import WorkerPool
+from split_drake.experiments.pools import LOCAL, make_pool, require_scheduler
 from split_drake.grasps.free_hand import FreeHand
 from split_drake.grasps.judge import MIN_QUALITY, GraspJudge, opening_for
 from split_drake.grasps.sampling import antipodal_candidates, spread_evenly
@@ -49,12 +49,15 @@ class CheckConfig:
         per_mug: grasps of each, at most WIDE + STEADY.
         out: folder for the outcomes of single mugs.
         workers: processes; the outcomes do not depend on them.
+        scheduler: "local", or where Dask's scheduler is, such as tcp://10.0.0.5:8786; see
+            split_drake/experiments/cluster/README.md.
     """
 
     mugs: str = "train"
     per_mug: int = WIDE + STEADY
     out: Path = Path("datasets/grasp_checks")
     workers: int = len(os.sched_getaffinity(0))
+    scheduler: str = LOCAL
 
     def __post_init__(self) -> None:
         require_numbers(self)
@@ -108,22 +111,22 @@ def _join(first: CheckedGrasps, second: CheckedGrasps) -> CheckedGrasps:
     )
 
 
-def _part_path(config: CheckConfig, name: str) -> Path:
+def parts_folder(config: CheckConfig) -> Path:
+    """Return the folder of the outcomes of single mugs."""
     source = MugSource(config.mugs)
     if source.folder is None:
-        return config.out / f"{name}.npz"
+        return config.out
     # Mugs of different folders may share a name.
-    return config.out / source.derived_path("grasps").parent.name / f"{name}.npz"
+    return config.out / source.derived_path("grasps").parent.name
 
 
-def check_mug(config: CheckConfig, station: StationConfig, name: str) -> str:
-    """Try what is missing of one mug, write its outcomes atomically, and return its name."""
-    source = MugSource(config.mugs)
-    path, sha256, mug = _part_path(config, name), source.mugs_sha256(), source.load(name)
+def check_mug(source: MugSource, parts: Path, count: int, station: StationConfig, name: str) -> str:
+    """Try what is missing of `count` grasps of a mug, write all atomically, and return its name."""
+    path, sha256, mug = parts / f"{name}.npz", source.mugs_sha256(), source.load(name)
     before = read_store(path, sha256)[name] if path.exists() else None
     known = 0 if before is None else len(before)
     rng = np.random.default_rng(mug.seed)
-    tried = check(mug.body, rng, known, config.per_mug, station)
+    tried = check(mug.body, rng, known, count, station)
     grasps = tried if before is None else _join(before, tried)
     write_store(path, {name: grasps}, sha256)
     return name
@@ -131,13 +134,21 @@ def check_mug(config: CheckConfig, station: StationConfig, name: str) -> str:
 
 def check_split(config: CheckConfig, station: StationConfig) -> None:
     """Try what is missing of all mugs, then write their store."""
-    config.out.mkdir(parents=True, exist_ok=True)
+    require_scheduler(config.scheduler)
+    parts = parts_folder(config)
+    parts.mkdir(parents=True, exist_ok=True)
     source = usable_mugs(MugSource(config.mugs), config.workers, Console()).source
     names, sha256 = source.names(), source.mugs_sha256()
-    pool = WorkerPool(partial(check_mug, config, station), config.workers)
+    pool = make_pool(
+        config.scheduler,
+        config.workers,
+        partial(check_mug, source, parts, config.per_mug, station),
+        run=parts,
+        kept=tuple(f"{name}.npz" for name in names),
+    )
     for _ in track(pool.run(names), "mugs", total=len(names)):
         pass
-    grasps = {name: read_store(_part_path(config, name), sha256)[name] for name in names}
+    grasps = {name: read_store(parts / f"{name}.npz", sha256)[name] for name in names}
     write_store(store_path(config.mugs), grasps, sha256)
     faults = np.concatenate([checked.faults for checked in grasps.values()])
     for fault, count in zip(*np.unique(faults, return_counts=True), strict=True):

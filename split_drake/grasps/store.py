@@ -123,8 +123,8 @@ def _as_read(array: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=2)
-def _kept(mugs: str) -> dict[str, CheckedGrasps]:
-    return read_store(store_path(mugs), MugSource(mugs).mugs_sha256())
+def _kept(path: Path, source: MugSource) -> dict[str, CheckedGrasps]:
+    return read_store(path, source.mugs_sha256())
 
 
 def load_checked_grasps(mugs: str, name: str) -> CheckedGrasps:
@@ -132,7 +132,17 @@ def load_checked_grasps(mugs: str, name: str) -> CheckedGrasps:
 
     Raises GraspStoreError where there are none.
     """
-    grasps = _kept(mugs)
+    return grasps_in(store_path(mugs), MugSource(mugs), name)
+
+
+def grasps_in(path: Path, source: MugSource, name: str) -> CheckedGrasps:
+    """Return the checked grasps of one of a source's mugs from the file that keeps them.
+
+    Raises GraspStoreError where there are none, or the file is of other mugs.
+    """
+    grasps = _kept(path, source)
     if name not in grasps:
-        raise GraspStoreError(f"no grasps of {name!r} were checked; expected one of {mugs}'s mugs")
+        raise GraspStoreError(
+            f"no grasps of {name!r} were checked; expected one of {source.where}'s mugs"
+        )
     return grasps[name]

@@ -184,7 +184,7 @@ def as_if_run(
     asked: list[tuple[int, float | None]] = []
 
     class Pool:
-        def __init__(self, *_: object, limit_s: float | None = None) -> None:
+        def __init__(self, *_: object, limit_s: float, **_more: object) -> None:
             self._limit_s = limit_s
 
         def run(self, specs: Sequence[TrialSpec]) -> Iterator[TrialRecord]:
@@ -193,7 +193,7 @@ def as_if_run(
                 record = crashed_trial(spec, "EGL is missing")
                 yield replace(record, outcome=outcomes[spec.index])
 
-    monkeypatch.setattr("scenarios.mug_hang.WorkerPool", Pool)
+    monkeypatch.setattr("scenarios.mug_hang.make_pool", Pool)
     return asked
 
 
@@ -220,7 +220,7 @@ def test_errors_are_tried_again_and_alone_they_are_no_result(
 def test_what_no_trial_could_run_with_is_told_before_the_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delattr("scenarios.mug_hang.WorkerPool")
+    monkeypatch.delattr("scenarios.mug_hang.make_pool")
     out = tmp_path / "run"
     clutter = default_weights().with_name("split_clutter.safetensors")
     with pytest.raises(UnknownTaskError, match=f"{clutter} has no task 'handle'; it has grasp"):

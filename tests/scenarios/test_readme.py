@@ -32,7 +32,13 @@ from tests.helpers.planning import LYING, STANDING, mug_problem, reorient_plan
 from tests.helpers.rooms import added_files
 
 ROOT = Path(__file__).parents[2]
-READMES = ("README.md", "planning/README.md", "scenarios/README.md", "split_drake/README.md")
+READMES = (
+    "README.md",
+    "planning/README.md",
+    "scenarios/README.md",
+    "split_drake/README.md",
+    "split_drake/experiments/cluster/README.md",
+)
 COMMAND = re.compile(r"python -m ((?:scenarios|split_drake|models)(?:\.\w+)+)([^\n`|#]*)")
 
 

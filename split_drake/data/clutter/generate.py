@@ -31,7 +31,7 @@ from split_drake.data.dataset import (
 from split_drake.data.labels import PoseState
 from split_drake.data.object_scenes import NO_FEATURE
 from split_drake.experiments.command import run_command
-from split_drake.experiments.pool import InThisProcess, WorkerPool
+from split_drake.experiments.pools import LOCAL, require_scheduler, shard_pool
 from split_drake.experiments.provenance import combined_sha256, file_sha256
 from split_drake.experiments.run import claim_folder
 from split_drake.files import write_json
@@ -80,7 +80,9 @@ def _name(number: int) -> str:
     return f"clutter_{number:05d}.npz"
 
 
-def generate(recipe: ClutterRecipe, out: Path, shards: int, workers: int) -> None:
+def generate(
+    recipe: ClutterRecipe, out: Path, shards: int, workers: int, scheduler: str = LOCAL
+) -> None:
     """Write the shards that are missing to the folder `out`, then the manifest.
 
     Raises AnotherRunError where the folder holds scenes of another recipe.
@@ -88,7 +90,7 @@ def generate(recipe: ClutterRecipe, out: Path, shards: int, workers: int) -> Non
     make = partial(generate_shard, recipe, out)
     with claim_folder(out, recipe.config()) as config:
         missing = [number for number in range(shards) if not (out / _name(number)).exists()]
-        pool = InThisProcess(make) if workers == 1 else WorkerPool(make, workers)
+        pool = shard_pool(scheduler, workers, make, out)
         for _ in track(pool.run(missing), "shards", total=len(missing)):
             pass
         write_manifest(out, config)
@@ -122,6 +124,8 @@ class ClutterOptions:
         scenes: how many, a multiple of 200.
         seed: of all draws.
         workers: processes, 1 for this one alone; the scenes do not depend on them.
+        scheduler: "local", or where Dask's scheduler is, such as tcp://10.0.0.5:8786; see
+            split_drake/experiments/cluster/README.md.
     """
 
     out: Path
@@ -130,6 +134,7 @@ class ClutterOptions:
     scenes: int = 30_000
     seed: int = 0
     workers: int = len(os.sched_getaffinity(0))
+    scheduler: str = LOCAL
 
     def __post_init__(self) -> None:
         require_numbers(self)
@@ -143,10 +148,12 @@ class ClutterOptions:
 
 def main(options: ClutterOptions) -> None:
     """Generate the scenes that the command asks for."""
+    require_scheduler(options.scheduler)
     recipe = ClutterRecipe(
         clutter_source(options.objects), options.library, Layout(), seed=options.seed
     )
-    generate(recipe, options.out, options.scenes // SCENES_PER_SHARD, options.workers)
+    shards = options.scenes // SCENES_PER_SHARD
+    generate(recipe, options.out, shards, options.workers, options.scheduler)
 
 
 if __name__ == "__main__":

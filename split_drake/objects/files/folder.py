@@ -176,7 +176,8 @@ def _only(name: str, files: list[Path]) -> Path:
     if len(files) > 1:
         listed = ", ".join(file.name for file in files[:3]) + (", ..." if len(files) > 3 else "")
         raise ObjectFileError(
-            f"{files[0].parent} holds {len(files)} files for {name!r} ({listed}); expected one a body"
+            f"{files[0].parent} holds {len(files)} files for {name!r} ({listed}); "
+            "expected one a body"
         )
     return files[0]
 

@@ -1,5 +1,6 @@
 """Where a run's mugs come from: a fixed split, or a folder of mesh files."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -37,6 +38,10 @@ class MugSource:
             raise BadInputError(
                 f"mugs are {self.where!r}; expected {', '.join(SPLITS)}, or a folder of mesh files"
             )
+
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[object, ...]]:
+        """Pickle a folder as a path, so that it is sent along to workers that share no disk."""
+        return _source_at, (self.folder or self.where, self.left_out)
 
     @property
     def folder(self) -> Path | None:
@@ -99,6 +104,10 @@ class MugSource:
             folder, pattern = MODELS_FOLDER / "mugs", f"*{self.where}.*"
         files = sorted(path for path in folder.rglob(pattern) if path.is_file())
         return combined_sha256({str(path.relative_to(folder)): file_sha256(path) for path in files})
+
+
+def _source_at(where: str | Path, left_out: tuple[str, ...]) -> MugSource:
+    return MugSource(str(where), left_out)
 
 
 @lru_cache(maxsize=1)

@@ -21,6 +21,7 @@ from scenarios.clutter_removal import (
 )
 from split_drake.experiments.pool import InThisProcess
 from split_drake.experiments.run import AnotherRunError, NoResultsError
+from split_drake.objects.files.folder import ObjectFolder
 from split_drake.pose_task import UPRIGHT, UnknownTaskError
 from split_drake.scene import Workspace
 from tests.helpers.checkpoints import save_new_network
@@ -32,7 +33,11 @@ ORACLE = ClutterOptions("packed", 2, 2, 5, "oracle", objects="procedural-train",
 def test_rounds_that_are_there_are_not_asked_for_again(tmp_path: Path) -> None:
     specs = missing_rounds(ORACLE, tmp_path, {(5, 1), (6, 0)})
     assert [(spec.seed, spec.index) for spec in specs] == [(5, 0), (6, 1)]
-    assert {spec.cache for spec in specs} == {tmp_path / "decompositions"}
+    (tmp_path / "meshes").mkdir()
+    own = replace(ORACLE, objects=str(tmp_path / "meshes"))
+    assert {spec.objects for spec in missing_rounds(own, tmp_path, set())} == {
+        ObjectFolder(tmp_path / "meshes", tmp_path / "decompositions")
+    }
 
 
 def test_the_workspace_is_the_one_that_the_model_was_trained_on(tmp_path: Path) -> None:
@@ -73,7 +78,7 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
         run.append((spec.seed, spec.index))
         return of_round(spec.seed, spec.index, "", "")
 
-    monkeypatch.setattr(clutter_removal, "WorkerPool", lambda *_, **options: InThisProcess(succeed))
+    monkeypatch.setattr(clutter_removal, "make_pool", lambda *_, **options: InThisProcess(succeed))
     return run
 
 
@@ -115,7 +120,7 @@ def test_rounds_that_all_end_in_errors_are_no_result(
     def fail(spec: clutter_removal.RoundSpec) -> RoundRecord:
         return RoundRecord(spec.seed, spec.index, (), (), ERROR, "KeyError: 'box'")
 
-    monkeypatch.setattr(clutter_removal, "WorkerPool", lambda *_, **options: InThisProcess(fail))
+    monkeypatch.setattr(clutter_removal, "make_pool", lambda *_, **options: InThisProcess(fail))
     with pytest.raises(NoResultsError, match=r"all 4 ended in an error, the first in: KeyError"):
         main(replace(ORACLE, out=tmp_path))
     run = stand_in(monkeypatch)

@@ -9,6 +9,7 @@ from split_drake.grasps.check_grasps import STEADY, WIDE, CheckConfig, candidate
 from split_drake.grasps.judge import MIN_QUALITY, GraspJudge
 from split_drake.grasps.store import read_store
 from split_drake.objects.mugs.split import load_mug, mugs_sha256
+from split_drake.objects.scanned.mug_source import MugSource
 from tests.helpers.stations import STATION
 
 
@@ -28,18 +29,18 @@ def test_later_candidates_are_not_spoilt_by_small_errors() -> None:
 
 
 def test_run_with_more_grasps_adds_to_what_there_is(tmp_path: Path) -> None:
-    few, more = (CheckConfig("train", count, tmp_path, workers=1) for count in (2, 3))
-    check_mug(few, STATION, "train_003")
+    source = MugSource("train")
+    check_mug(source, tmp_path, 2, STATION, "train_003")
     path, sha256 = tmp_path / "train_003.npz", mugs_sha256("train")
     before = read_store(path, sha256)["train_003"]
-    check_mug(more, STATION, "train_003")
+    check_mug(source, tmp_path, 3, STATION, "train_003")
     after = read_store(path, sha256)["train_003"]
     assert (len(before), len(after)) == (2, 3)
     np.testing.assert_array_equal(after.X_OGs[:2], before.X_OGs)
     np.testing.assert_array_equal(after.slips_m[:2], before.slips_m)
     once = tmp_path / "once"
     once.mkdir()
-    check_mug(CheckConfig("train", 3, once, workers=1), STATION, "train_003")
+    check_mug(source, once, 3, STATION, "train_003")
     np.testing.assert_array_equal(
         read_store(once / "train_003.npz", sha256)["train_003"].slips_m, after.slips_m
     )

@@ -1,0 +1,140 @@
+"""Values on their way to another machine: files that they name go with them.
+
+A path that exists here is packed as what it holds, and unpacked as the path of a copy there.  A
+path within the run's folder stands for the same place in the folder that the worker has in its
+stead, whether it exists or not.  Other paths stay as they are.
+"""
+
+import hashlib
+import io
+import pickle
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+from split_drake.bad_input import BadInputError
+from split_drake.experiments.provenance import combined_sha256, file_sha256
+from split_drake.files import write_atomically
+
+# More than this is no setting of a run but data, which does not travel with it.
+MOST_BYTES = 1_000_000_000
+
+
+@dataclass
+class Freight:
+    """The files that packed values name.
+
+    Attributes:
+        files: {path below a worker's folder of files: file here}.
+        known: {path here: the path that stands for it below a worker's folder}.
+    """
+
+    files: dict[str, Path] = field(default_factory=dict)
+    known: dict[Path, str] = field(default_factory=dict)
+
+    def add(self, path: Path) -> str:
+        """Take a file or a folder along, and return where it will be below a worker's folder.
+
+        Raises BadInputError where the files together are too large.
+        """
+        path = path.absolute()
+        if path not in self.known:
+            self.known[path] = self._added(path)
+            if (size := sum(file.stat().st_size for file in self.files.values())) > MOST_BYTES:
+                raise BadInputError(
+                    f"{path} makes {size / 1e9:.1f} GB to send to each worker; expected at most "
+                    f"{MOST_BYTES / 1e9:g} GB"
+                )
+        return self.known[path]
+
+    def _added(self, path: Path) -> str:
+        if path.is_file():
+            place = f"{file_sha256(path)}/{path.name}"
+            self.files[place] = path
+            return place
+        found = {
+            str(file.relative_to(path)): file for file in sorted(path.rglob("*")) if file.is_file()
+        }
+        sha256 = combined_sha256({name: file_sha256(file) for name, file in found.items()})
+        place = f"{sha256}/{path.name}"
+        self.files.update({f"{place}/{name}": file for name, file in found.items()})
+        return place
+
+    def contents(self) -> dict[str, bytes]:
+        """Return what the files hold."""
+        return {place: file.read_bytes() for place, file in self.files.items()}
+
+    def sha256(self) -> str:
+        """Return a hash of the files' places, which are told by their content."""
+        return hashlib.sha256("\0".join(sorted(self.files)).encode()).hexdigest()
+
+
+def _defined_here(value: FunctionType | type) -> tuple[str, ...] | None:
+    """Return where else is found what a command defines: under its module's own name."""
+    spec = sys.modules["__main__"].__spec__
+    return None if spec is None else ("defined", spec.name, value.__qualname__)
+
+
+class _Packer(pickle.Pickler):
+    def __init__(self, buffer: io.BytesIO, run: Path | None, freight: Freight | None) -> None:
+        super().__init__(buffer, pickle.HIGHEST_PROTOCOL)
+        self._run = None if run is None else run.absolute()
+        self._freight = freight
+
+    def persistent_id(self, value: Any) -> tuple[str, ...] | None:
+        if isinstance(value, Path):
+            return self._place(value)
+        if isinstance(value, FunctionType | type) and value.__module__ == "__main__":
+            return _defined_here(value)
+        return None
+
+    def _place(self, path: Path) -> tuple[str, ...] | None:
+        if self._run is not None and path.absolute().is_relative_to(self._run):
+            return "run", str(path.absolute().relative_to(self._run))
+        if self._freight is not None and path.exists():
+            return "file", self._freight.add(path)
+        return None
+
+
+class _Unpacker(pickle.Unpickler):
+    def __init__(self, buffer: io.BytesIO, run: Path | None, files: Path | None) -> None:
+        super().__init__(buffer)
+        self._run, self._files = run, files
+
+    def persistent_load(self, place: tuple[str, ...]) -> Any:
+        kind, where, *rest = place
+        if kind == "run" and self._run is not None:
+            return self._run / where
+        if kind == "file" and self._files is not None:
+            return self._files / where
+        if kind == "defined":
+            return self.find_class(where, rest[0])
+        raise pickle.UnpicklingError(f"{place} stands for nothing here")
+
+
+def pack(value: object, run: Path | None, freight: Freight | None = None) -> bytes:
+    """Return a value as bytes; the files that it names are added to the freight, where given.
+
+    `run` is the run's folder, where there is one.  Raises what pickle does for values that cannot
+    travel.
+    """
+    buffer = io.BytesIO()
+    _Packer(buffer, run, freight).dump(value)
+    return buffer.getvalue()
+
+
+def unpack(content: bytes, run: Path | None, files: Path | None = None) -> Any:
+    """Return a packed value; `run` and `files` are the folders that stand here for its places."""
+    return _Unpacker(io.BytesIO(content), run, files).load()
+
+
+def write_files(folder: Path, contents: Mapping[str, bytes]) -> None:
+    """Write files below a folder; BadInputError where one would lie outside of it."""
+    for place, content in contents.items():
+        path = folder / place
+        if not path.resolve().is_relative_to(folder.resolve()):
+            raise BadInputError(f"{place!r} is no place within {folder}")
+        write_atomically(path, content)
