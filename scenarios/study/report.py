@@ -12,6 +12,9 @@ from rich.table import Table
 
 from scenarios.study.cells import Cell
 from scenarios.study.trials import StudyRecord
+from split_drake.experiments.pages.render import render
+from split_drake.experiments.pages.run_page import RunPage
+from split_drake.experiments.pages.study_page import made_with, study_page
 from split_drake.experiments.statistics import Rate, mcnemar_exact
 from split_drake.files import write_atomically, write_json
 
@@ -122,7 +125,7 @@ def print_study(console: Console, rows: Sequence[Row]) -> None:
 
 
 def write_study(folder: Path, rows: Sequence[Row]) -> None:
-    """Write study.json and study.md."""
+    """Write study.json, study.md and index.html."""
     write_json(folder / "study.json", [row.to_json() for row in rows])
     parts = []
     for kind, heads in HEADS.items():
@@ -135,6 +138,26 @@ def write_study(folder: Path, rows: Sequence[Row]) -> None:
         table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
         parts.append(f"## {_title(kind)}\n\n{table}\n")
     write_atomically(folder / "study.md", "\n".join(parts))
+    trials = max((row.rate.trials for row in rows), default=0)
+    write_atomically(folder / "index.html", render(page_of(rows, trials)))
+
+
+def page_of(rows: Sequence[Row], trials: int) -> RunPage:
+    """Return the study's page: holds and trials in one table, which offers the kind."""
+    heads = list(dict.fromkeys(head for heads in HEADS.values() for head in heads))
+    shown = []
+    for row in rows:
+        found = dict(zip(HEADS[row.cell.kind], row.texts(), strict=True))
+        setting = {"of": row.cell.kind, "changed": row.cell.factor or "nothing"}
+        to = {"to": str(row.cell.value)}
+        shown.append({**setting, **to, **{head: found.get(head, "") for head in heads}})
+    return study_page(
+        "what the physics is worth",
+        shown,
+        settings=("of", "changed"),
+        facts={"trials of a setting": trials, **made_with()},
+        records=[row.to_json() for row in rows],
+    )
 
 
 def _title(kind: str) -> str:

@@ -14,8 +14,8 @@ from rich.console import Console
 
 from split_drake.evaluation.evaluation import Evaluation, evaluate
 from split_drake.evaluation.examiner import DetectorMaker
+from split_drake.evaluation.report.summary import calibration_table, metrics_table, subjects_table
 from split_drake.evaluation.scenes import EvalMugs, EvalOptions
-from split_drake.evaluation.summary import calibration_table, metrics_table, subjects_table
 from split_drake.experiments.command import run_command
 from split_drake.experiments.provenance import UNKNOWN_COMMIT, file_sha256
 from split_drake.objects.scanned.mug_source import MugSource

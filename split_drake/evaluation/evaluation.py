@@ -16,13 +16,15 @@ from rich.console import Console
 
 from split_drake.evaluation.examiner import DetectorMaker, Examiner
 from split_drake.evaluation.judges import require_true_poses
-from split_drake.evaluation.plots import plot_errors, plot_reliability
 from split_drake.evaluation.record import SceneRecord
+from split_drake.evaluation.report.page import page_of
+from split_drake.evaluation.report.plots import plot_errors, plot_reliability
+from split_drake.evaluation.report.summary import summarize
 from split_drake.evaluation.scenes import EvalOptions, EvalSubjects
-from split_drake.evaluation.summary import summarize
+from split_drake.experiments.pages.render import render
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.run import RunFolder, as_json
-from split_drake.files import write_json
+from split_drake.files import write_atomically, write_json
 from split_drake.pose_task import PoseTask
 
 SCENES = "scenes.jsonl"
@@ -131,6 +133,8 @@ def _report(
     names = [task.name for task in tasks]
     metrics = {**summarize(records, names), "question": question}
     write_json(out / METRICS, metrics)
-    plot_reliability(metrics, names, out / "reliability.png")
-    plot_errors(records, names, out / "errors.png")
+    pictures = ("reliability.png", "errors.png")
+    plot_reliability(metrics, names, out / pictures[0])
+    plot_errors(records, names, out / pictures[1])
+    write_atomically(out / "index.html", render(page_of(records, tasks, question, pictures)))
     return metrics

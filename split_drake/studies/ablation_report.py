@@ -8,7 +8,10 @@ from typing import Any
 
 from rich.table import Table
 
-from split_drake.files import write_json
+from split_drake.experiments.pages.render import render
+from split_drake.experiments.pages.run_page import RunPage
+from split_drake.experiments.pages.study_page import made_with, study_page
+from split_drake.files import write_atomically, write_json
 from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
 from split_drake.split.checkpoint import load_checkpoint
 from split_drake.studies.ablation_variants import Variant
@@ -129,8 +132,21 @@ def terminal_table(rows: list[Row]) -> Table:
     return table
 
 
+def page_of(rows: list[Row]) -> RunPage:
+    """Return the ablation's page."""
+    heading, *lines = cells(rows)
+    return study_page(
+        "ablation: good samples by task, top-ranked [95% interval], and of all",
+        [dict(zip(heading, line, strict=True)) for line in lines],
+        settings=("noise, mm",),
+        facts=made_with(),
+        records=[row.record() for row in rows],
+    )
+
+
 def write_report(rows: list[Row], out: Path) -> None:
-    """Write ablations.json and ablations.md to the folder `out`."""
+    """Write ablations.json, ablations.md and index.html to the folder `out`."""
     document = {"rows": [row.record() for row in rows]}
     write_json(out / "ablations.json", document)
-    (out / "ablations.md").write_text(markdown(rows))
+    write_atomically(out / "ablations.md", markdown(rows))
+    write_atomically(out / "index.html", render(page_of(rows)))

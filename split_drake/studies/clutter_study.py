@@ -25,9 +25,12 @@ from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScene, Clutter
 from split_drake.data.clutter.sizes import clutter_source
 from split_drake.data.clutter.views import merged_mesh
 from split_drake.experiments.command import run_command
+from split_drake.experiments.pages.render import render
+from split_drake.experiments.pages.run_page import RunPage
+from split_drake.experiments.pages.study_page import made_with, study_page
 from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import claim_folder
-from split_drake.files import read_json, write_json
+from split_drake.files import read_json, write_atomically, write_json
 from split_drake.grasps.clutter_judge import ClutterJudge
 from split_drake.pose_set import ScoredPoses
 from split_drake.pose_task import GRASP
@@ -49,6 +52,9 @@ SURFACE_POINTS = 1000
 NOISE_M = 0.005
 # Keeps these scenes apart from those of training and of tuning.
 _STREAM = 2
+
+# Figures that are shares, in the order of tables.
+SHARES = ("samples_good", "accepted", "accepted_good", "best_good", "objects")
 
 
 @dataclass(frozen=True)
@@ -180,14 +186,32 @@ def missing(rows: Sequence[Row]) -> Iterator[Sampler]:
 
 def table_of(rows: Sequence[Row]) -> Table:
     """Return a line a sampler."""
-    shares = ("samples_good", "accepted", "accepted_good", "best_good", "objects")
-    titles = [name.replace("_", " ") for name in shares]
+    titles = [name.replace("_", " ") for name in SHARES]
     table = Table("integrator", "evaluations", "temperature", *titles, "ms")
     for row in rows:
         sampler = (row["integrator"], str(row["evaluations"]), f"{row['temperature']:g}")
-        values = [f"{row[name]:.1%}" for name in shares]
+        values = [f"{row[name]:.1%}" for name in SHARES]
         table.add_row(*sampler, *values, f"{1e3 * row['sample_s']:.0f}")
     return table
+
+
+def page_of(rows: Sequence[Row], config: ClutterStudyConfig) -> RunPage:
+    """Return the study's page."""
+    shown = [
+        {
+            "integrator": row["integrator"],
+            "evaluations": row["evaluations"],
+            "temperature": row["temperature"],
+            **{f"{name.replace('_', ' ')}, %": round(100.0 * row[name], 1) for name in SHARES},
+            "ms": round(1e3 * row["sample_s"]),
+        }
+        for row in rows
+    ]
+    facts = {"scenes": config.scenes, "threshold": config.threshold, "seed": config.seed}
+    settings = ("integrator", "evaluations", "temperature")
+    return study_page(
+        "samplers on clutter", shown, settings, {**facts, **made_with()}, records=rows
+    )
 
 
 def main(config: ClutterStudyConfig) -> None:
@@ -203,6 +227,7 @@ def main(config: ClutterStudyConfig) -> None:
             rows.append({**asdict(sampler), **measured(detector, scenes, config.threshold)})
             write_json(path, rows)
             console.print(table_of(rows[-1:]))
+        write_atomically(config.out / "index.html", render(page_of(rows, config)))
         console.print(table_of(rows))
 
 

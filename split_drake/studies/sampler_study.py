@@ -24,8 +24,11 @@ from split_drake.evaluation.evaluate import MugEvalOptions
 from split_drake.evaluation.evaluation import evaluate
 from split_drake.experiments.command import run_command
 from split_drake.experiments.lock import locked
+from split_drake.experiments.pages.render import render
+from split_drake.experiments.pages.run_page import RunPage
+from split_drake.experiments.pages.study_page import made_with, picture, study_page
 from split_drake.experiments.provenance import file_sha256
-from split_drake.files import write_json
+from split_drake.files import write_atomically, write_json
 from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.detector import SplitDetector
@@ -183,6 +186,27 @@ def study_table(rows: Sequence[Row]) -> Table:
     return table
 
 
+def page_of(rows: Sequence[Row], config: StudyConfig) -> RunPage:
+    """Return the study's page."""
+    shown = [
+        {
+            "integrator": row["integrator"],
+            "evaluations": row["evaluations"],
+            "temperature": row["temperature"],
+            "seconds": row["detect_s"],
+            **{
+                f"{task}: {name.replace('_', ' ')}, %": round(100.0 * row[name][str(task)], 1)
+                for name, tasks in MEASURES.items()
+                for task in tasks
+            },
+        }
+        for row in rows
+    ]
+    facts = {"mugs": config.mugs, "scenes": config.scenes, "seed": config.seed, **made_with()}
+    settings = ("integrator", "evaluations", "temperature")
+    return study_page("samplers on mugs", shown, settings, facts, [picture("study.png")], rows)
+
+
 def _plot_measure(axes: Axes, rows: Sequence[Row], name: str, task: str, against: str) -> None:
     """Draw one measure of a task, a line an integrator."""
     for integrator in dict.fromkeys(row["integrator"] for row in rows):
@@ -233,6 +257,7 @@ def main(config: StudyConfig) -> None:
             rows.append(measure(config, sampler, console))
             write_json(config.out / "study.json", rows)
         plot_study(rows, config.out / "study.png")
+        write_atomically(config.out / "index.html", render(page_of(rows, config)))
     console.print(study_table(rows))
 
 

@@ -144,7 +144,7 @@ class RunPage:
         title: of the run.
         facts: (name, value) of what was run.
         bars: rates.
-        plots: pictures as SVG.
+        plots: pictures, as elements of a page.
         columns: of the table.
         rows: of it, those that failed first.
         thing: what a row is of: "trial".
@@ -158,7 +158,7 @@ class RunPage:
     plots: tuple[str, ...]
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
-    thing: Literal["trial", "round", "problem", "pair", "scene"]
+    thing: Literal["trial", "round", "problem", "pair", "scene", "setting"]
 
     def __post_init__(self) -> None:
         for row in self.rows:

@@ -88,6 +88,8 @@ def test_a_study_of_one_trial_a_cell_goes_on_and_reports(tmp_path: Path) -> None
     assert [each.cell for each in records[3:]] == ["hang: mass 0.3 kg", "hang: mass 0.5 kg"]
     assert all(each.outcome != "error" for each in records)
     rows = json.loads((tmp_path / "study.json").read_text())
+    page = (tmp_path / "index.html").read_text()
+    assert page.count('<tr id="setting-') == len(rows) and "against default" in page
     assert [row["trials"] for row in rows] == [1] * 5
     assert "| mass | 0.5 kg | 1/1" in (tmp_path / "study.md").read_text()
     with pytest.raises(ValueError, match="seed was 0, is 5"):

@@ -14,10 +14,9 @@ from split_drake.data.object_scenes import NO_FEATURE
 from split_drake.evaluation import evaluation as evaluation_module
 from split_drake.evaluation.evaluation import Evaluation, evaluate, evaluation_run
 from split_drake.evaluation.examiner import Examiner
-from split_drake.evaluation.plots import plot_errors, plot_reliability
 from split_drake.evaluation.record import SceneRecord, Scored, TaskRecord
-from split_drake.evaluation.scenes import EvalMugs, EvalOptions, EvalSubject
-from split_drake.evaluation.summary import (
+from split_drake.evaluation.report.plots import plot_errors, plot_reliability
+from split_drake.evaluation.report.summary import (
     calibration_table,
     metrics_table,
     pooled,
@@ -25,6 +24,7 @@ from split_drake.evaluation.summary import (
     subjects_table,
     summarize,
 )
+from split_drake.evaluation.scenes import EvalMugs, EvalOptions, EvalSubject
 from split_drake.experiments.run import AnotherRunError, json_line
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.pose_set import PoseSet, ScoredPoses, accepted_poses

@@ -219,6 +219,8 @@ def test_rows_say_what_they_cost_and_what_they_reach(config: AblateConfig) -> No
     assert rows["without evaluator", 0.005]["parameters"] == one["parameters"]
     assert one["metrics"]["tasks"]["handle"]["top_good"]["all"]["hits"] == 50
     table = (config.out / "ablations.md").read_text().splitlines()
+    page = (config.out / "index.html").read_text()
+    assert page.count('<tr id="setting-') == len(table) - 2
     assert len(table) == 2 + 5
     assert "| 50.0% [41.0, 59.0] |" in table[2]
     assert "25 / 25 / 25" in table[2]

@@ -99,6 +99,8 @@ def test_a_study_goes_on_where_it_stopped(
     assert list(missing(first)) == some[1:]
     main(config)
     both = json.loads((config.out / "study.json").read_text())
+    page = (config.out / "index.html").read_text()
+    assert page.count('<tr id="setting-') == len(both) and "best good, %" in page
     assert both[:1] == first
     assert [row["integrator"] for row in both] == ["langevin", "multistep"]
     other = ClutterStudyConfig(config.checkpoint, config.library, config.out, 2, seed=1)

@@ -77,6 +77,8 @@ def test_all_samplers_are_measured_and_reported(
     keys = ("integrator", "evaluations", "temperature")
     assert [Sampler(*(told[key] for key in keys)) for told in asked] == samplers()
     rows = json.loads((tmp_path / "study.json").read_text())
+    page = (tmp_path / "index.html").read_text()
+    assert page.count('<tr id="setting-') == len(rows) and 'src="study.png"' in page
     assert [row["evaluations"] for row in rows] == [told["evaluations"] for told in asked]
     assert rows[0]["samples_good"]["grasp"] == pytest.approx(0.99)
     assert (tmp_path / "study.png").read_bytes().startswith(b"\x89PNG")
