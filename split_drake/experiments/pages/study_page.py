@@ -62,5 +62,5 @@ def made_with() -> dict[str, str]:
 
 
 def picture(name: str) -> str:
-    """Return a picture that lies beside the page."""
-    return f'<img src="{name}" alt="{name.rpartition(".")[0]}">'
+    """Return a picture that lies beside the page, and opens by a click."""
+    return f'<a href="{name}"><img src="{name}" alt="{name.rpartition(".")[0]}"></a>'
