@@ -66,6 +66,20 @@ class TableFit:
             near = min(_NEAR, max(4.0 * spread, 2.0 * _BIN))
         return cls(factor, spread, len(close))
 
+    def rescaled(self, view: DepthView) -> DepthView:
+        """Return the view with its scale put right."""
+        return replace(view, depth_m=view.depth_m / np.float32(self.factor))
+
+    def above_table(self, view: DepthView, table_z_m: float) -> DepthView:
+        """Return a rescaled view without the table, and what noise lifts off it.
+
+        Pixels within `CLEAR_SPREADS` of the table show nothing afterwards.
+        """
+        spread = CLEAR_SPREADS * self.spread / self.factor
+        nearest_m = table_depth(view, table_z_m) * (1.0 - spread)
+        above = view.depth_m < nearest_m
+        return replace(view, depth_m=np.where(above, view.depth_m, np.float32(0.0)))
+
 
 def table_depth(view: DepthView, table_z_m: float) -> Array:
     """Return the depth (H, W) that a table at this height in W has; inf above the horizon."""
@@ -73,19 +87,6 @@ def table_depth(view: DepthView, table_z_m: float) -> Array:
     with np.errstate(divide="ignore"):
         depth_m = (table_z_m - view.X_WC[2, 3]) / sinks
     return np.where(depth_m > 0.0, depth_m, np.inf)
-
-
-def on_table(view: DepthView, table_z_m: float) -> DepthView:
-    """Return the view with its scale put right, and what noise lifts off the table left out.
-
-    Pixels within `CLEAR_SPREADS` of the table show nothing afterwards.
-
-    Raises EmptySceneError where too few pixels show a table.
-    """
-    fit = TableFit.of(view, table_z_m)
-    depth_m = view.depth_m / fit.factor
-    nearest_m = table_depth(view, table_z_m) * (1.0 - CLEAR_SPREADS * fit.spread / fit.factor)
-    return replace(view, depth_m=np.where(depth_m < nearest_m, depth_m, np.float32(0.0)))
 
 
 def _fullest(ratios: Array) -> float:

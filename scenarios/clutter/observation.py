@@ -10,7 +10,7 @@ from split_drake.camera import DepthView, Intrinsics, look_at
 from split_drake.depth_noise import with_normal_noise
 from split_drake.scene import Scene, Workspace
 from split_drake.station.layout import CameraPlacement
-from split_drake.table_fit import on_table
+from split_drake.table_fit import TableFit
 
 Noise = Literal["none", "gaussian", "dex"]
 
@@ -48,15 +48,20 @@ def observe(
     """Return the scene that a view shows.
 
     Args:
-        fit_table: put the depth image's scale right by the table that it shows.
+        fit_table: put the depth image's scale right by the table that it shows.  The cloud is then
+            of what stands clear of the table by its own noise; the image still shows the table,
+            which methods that read images are trained to see.
 
     Raises EmptySceneError where it shows nothing of the workspace, or no table to fit.
     """
     if noise == "dex":
         view = replace(view, depth_m=dex_noise(view.depth_m, rng))
+    above = view
     if fit_table:
-        view = on_table(view, workspace.p_WCenter[2])
-    scene = Scene.from_views([view], workspace)
+        fit = TableFit.of(view, workspace.p_WCenter[2])
+        view = fit.rescaled(view)
+        above = fit.above_table(view, workspace.p_WCenter[2])
+    scene = replace(Scene.from_views([above], workspace), views=(view,))
     if noise != "gaussian":
         return scene
     (view_rng,) = rng.spawn(1)  # so that the points' noise is the same whatever the image has

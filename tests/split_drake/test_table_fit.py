@@ -7,7 +7,7 @@ import pytest
 
 from split_drake.camera import DepthView, Intrinsics, look_at
 from split_drake.scene import EmptySceneError
-from split_drake.table_fit import TableFit, on_table, table_depth
+from split_drake.table_fit import TableFit, table_depth
 
 TABLE_Z_M = 0.1
 INTRINSICS = Intrinsics.centered(160, 120, focal_px=135.0)
@@ -42,7 +42,11 @@ def test_the_factor_of_an_image_is_found(factor: float, noise_m: float) -> None:
 
 
 def test_what_stands_on_the_table_keeps_its_height_and_the_table_goes() -> None:
-    view = on_table(scaled(table_view(0.06), 0.96, 0.003), TABLE_Z_M)
+    measured = scaled(table_view(0.06), 0.96, 0.003)
+    fit = TableFit.of(measured, TABLE_Z_M)
+    right = fit.rescaled(measured)
+    assert np.median(right.points()[:, 2]) == pytest.approx(TABLE_Z_M, abs=0.001)
+    view = fit.above_table(right, TABLE_Z_M)
     heights = view.points(TABLE_Z_M + 0.004)[:, 2]
     box = 50 * 120
     assert len(heights) == pytest.approx(box, rel=0.03)
@@ -54,7 +58,7 @@ def test_an_image_without_a_table_is_refused() -> None:
     with pytest.raises(EmptySceneError, match=r"0 pixels show a table at the height 0\.1 m"):
         TableFit.of(nothing, TABLE_Z_M)
     with pytest.raises(EmptySceneError, match="expected more than 500"):
-        on_table(scaled(table_view(), 0.5), TABLE_Z_M)
+        TableFit.of(scaled(table_view(), 0.5), TABLE_Z_M)
 
 
 def test_the_horizon_has_no_table() -> None:

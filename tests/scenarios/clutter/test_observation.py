@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from scenarios.clutter.observation import GAUSSIAN_M, dex_noise, observe, side_camera
+from split_drake.baselines.tsdf import fused_tsdf
 from split_drake.camera import DepthView
 from split_drake.poses import transform_points
 from split_drake.scene import EmptySceneError, Scene, Workspace
@@ -77,3 +78,14 @@ def test_a_fitted_table_is_where_it_is() -> None:
     alone = observe(true, WORKSPACE, "none", rng)
     assert len(fitted.p_WPs) == pytest.approx(len(alone.p_WPs), rel=0.1)
     np.testing.assert_allclose(fitted.p_WPs.mean(axis=0), alone.p_WPs.mean(axis=0), atol=0.004)
+
+
+def test_images_still_show_the_table_that_the_cloud_does_without() -> None:
+    table = view_of(0.6)
+    depth_m = table_depth(table, WORKSPACE.p_WCenter[2]).astype(np.float32)
+    true = replace(table, depth_m=depth_m)
+    true.depth_m[200:280, 280:360] -= np.float32(0.08)
+    fitted = observe(true, WORKSPACE, "dex", np.random.default_rng(3), fit_table=True)
+    field = fused_tsdf(fitted.views, WORKSPACE)
+    of_truth = fused_tsdf([true], WORKSPACE)
+    assert (field > 0.0).sum() == pytest.approx((of_truth > 0.0).sum(), rel=0.1)
