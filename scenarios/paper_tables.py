@@ -16,7 +16,7 @@ from rich.console import Console
 from scenarios import clutter_removal, mug_hang
 from scenarios.clutter.observation import Noise
 from scenarios.clutter.spec import SceneKind
-from scenarios.tables.cells import cell_folder, read_cell, require_comparable
+from scenarios.tables.cells import Cell, cell_folder, keep_cells, read_cell, require_comparable
 from scenarios.tables.markdown import clutter_table, comparison_table, mug_table, to_markdown
 from scenarios.tables.mugs import MUG_FIGURES
 from scenarios.tables.page import PICTURE, to_page
@@ -49,6 +49,8 @@ class TableOptions:
         noise, fit_table: as of `scenarios.clutter_removal`.
         authors: folder with weights that GIGA's authors published, of GIGA and of VGN: adds a row
             for each.  Its files are vgn_packed.pt, vgn_pile.pt, giga_packed.pt and giga_pile.pt.
+        kept: folder with cells that `keep` wrote, which are read where `out` has none.
+        keep: folder to write the table's cells to, so that others can make the table anew.
         mug_trials: of each of the mug experiment's figures; 0 to leave them out.
         mug_seed: of the first of these.
         workers: processes; outcomes do not depend on them.
@@ -65,6 +67,8 @@ class TableOptions:
     noise: Noise = "gaussian"
     fit_table: bool = False
     authors: Path | None = None
+    kept: Path | None = None
+    keep: Path | None = None
     mug_trials: int = 40
     mug_seed: int = 0
     workers: int = len(os.sched_getaffinity(0))
@@ -145,7 +149,7 @@ def made_table(options: TableOptions, rows: Sequence[TableRow]) -> PaperTable:
         cell
         for row in rows
         for scene in SCENES
-        if (cell := read_cell(options.out, row, scene, rounds, seed_range))
+        if (cell := _found_cell(options, row, scene, rounds, seed_range))
     ]
     mug_seeds = range(options.mug_seed, options.mug_seed + trials)
     mugs = mugs_of({figure: figure.read(options.out, mug_seeds) for figure in MUG_FIGURES})
@@ -156,6 +160,16 @@ def made_table(options: TableOptions, rows: Sequence[TableRow]) -> PaperTable:
         row.title: f"there is no file {missing[0]}" for row in rows if (missing := row.missing())
     }
     return PaperTable.of(rows, found, rounds * seeds, mugs, absent)
+
+
+def _found_cell(
+    options: TableOptions, row: TableRow, scene: SceneKind, rounds: int, seeds: range
+) -> Cell | None:
+    """Return a cell that was run in `out`, or else was kept."""
+    for folder in (options.out, options.kept):
+        if folder is not None and (cell := read_cell(folder, row, scene, rounds, seeds)):
+            return cell
+    return None
 
 
 def write_table(out: Path, table: PaperTable) -> None:
@@ -174,6 +188,8 @@ def main(options: TableOptions) -> None:
         run_missing(options, [row for row in rows if not row.missing()], console)
     table = made_table(options, rows)
     write_table(options.out, table)
+    if options.keep is not None:
+        keep_cells(list(table.cells.values()), options.keep)
     for part in (clutter_table(table), comparison_table(table), mug_table(table)):
         console.print(part + "\n", highlight=False, markup=False)
     for remark in (*table.unfinished(), *(f"{r}: {w}" for r, w in table.left_out.items())):

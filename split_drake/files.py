@@ -1,7 +1,9 @@
 """Files that are never half written, and whose readers say which file cannot be used, and why."""
 
+import gzip
 import json
 import tempfile
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -47,6 +49,18 @@ def read_npz(path: Path | str, what: str, required: Sequence[str] = ()) -> Array
             f"expected {what}"
         )
     return arrays
+
+
+def read_gzip(path: Path | str, what: str) -> str:
+    """Return the text that a file holds, compressed.
+
+    Raises MissingFileError, and UnreadableFileError where it is damaged; `what` it should be.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise MissingFileError(f"there is no file {path}; expected {what}")
+    with _whatever_fails(path, what, OSError, EOFError, ValueError, zlib.error):
+        return gzip.decompress(path.read_bytes()).decode()
 
 
 def read_json(path: Path | str, what: str) -> Any:

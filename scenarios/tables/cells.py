@@ -1,5 +1,7 @@
 """What the runs of Table I come to: a cell for each method and kind of scene."""
 
+import gzip
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,9 +11,18 @@ from scenarios.clutter.records import Removal, RoundRecord, clutter_run
 from scenarios.clutter.spec import SceneKind
 from scenarios.tables.rows import SCENES, TableRow
 from split_drake.bad_input import BadInputError
-from split_drake.experiments.run import CONFIG
-from split_drake.files import read_json_object
+from split_drake.experiments.run import CONFIG, json_line
+from split_drake.files import (
+    interpreting,
+    read_gzip,
+    read_json_object,
+    write_atomically,
+    write_json,
+)
 
+# Rounds that are kept, a line of JSON each.
+KEPT = "rounds.jsonl.gz"
+_WHAT = "the rounds of a cell"
 # What has to be the same in all cells of a table, and in those of one kind of scene, so that
 # methods meet the same scenes.
 SAME = ("noise", "fit_table", "select", "robot", "first_seed")
@@ -45,14 +56,17 @@ def cell_folder(out: Path, row: TableRow, scene: SceneKind) -> Path:
 def read_cell(out: Path, row: TableRow, scene: SceneKind, rounds: int, seeds: range) -> Cell | None:
     """Return a cell, of those rounds and seeds that were run; None where none was.
 
-    Rounds that ended in an error of the program are no rounds.
+    Rounds that ended in an error of the program are no rounds.  The folder may hold runs, or what
+    `keep_cells` made of them.
     """
     folder = cell_folder(out, row, scene)
     if not (folder / CONFIG).is_file():
         return None
+    kept = folder / KEPT
+    found = kept_rounds(kept) if kept.is_file() else clutter_run(folder).records()
     records = [
         record
-        for record in clutter_run(folder).records()
+        for record in found
         if record.seed in seeds and record.index < rounds and not record.failed_to_run
     ]
     if not records:
@@ -60,6 +74,28 @@ def read_cell(out: Path, row: TableRow, scene: SceneKind, rounds: int, seeds: ra
     records.sort(key=lambda each: (each.seed, each.index))
     config = read_json_object(folder / CONFIG, "the options of a run")
     return Cell(row, scene, tuple(records), Removal.of(records), config)
+
+
+def keep_cells(cells: Sequence[Cell], out: Path) -> None:
+    """Write options and rounds of each cell to a folder, compressed, without pages and recordings.
+
+    The same cells make the same bytes.
+    """
+    for cell in cells:
+        folder = cell_folder(out, cell.row, cell.scene)
+        lines = "".join(json_line(record) + "\n" for record in cell.records)
+        write_atomically(folder / KEPT, gzip.compress(lines.encode(), mtime=0))
+        write_json(folder / CONFIG, dict(cell.config))
+
+
+def kept_rounds(path: Path) -> list[RoundRecord]:
+    """Return the rounds that `keep_cells` wrote to a file.
+
+    Raises UnreadableFileError where it is damaged.
+    """
+    lines = read_gzip(path, _WHAT).splitlines()
+    with interpreting(path, _WHAT):
+        return [RoundRecord.from_fields(json.loads(line)) for line in lines]
 
 
 def require_comparable(cells: Sequence[Cell]) -> None:

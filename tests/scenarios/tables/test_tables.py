@@ -10,14 +10,14 @@ import pytest
 from scenarios import paper_tables
 from scenarios.clutter.records import GraspRecord, Removal, RoundRecord
 from scenarios.paper_tables import TableOptions, made_table, write_table
-from scenarios.tables.cells import Cell, cell_folder, read_cell, require_comparable
+from scenarios.tables.cells import Cell, cell_folder, keep_cells, read_cell, require_comparable
 from scenarios.tables.comparison import compare
 from scenarios.tables.markdown import clutter_table, comparison_table, mug_table
 from scenarios.tables.mugs import MUG_FIGURES
 from scenarios.tables.rows import SCENES, chosen_rows, table_rows
 from split_drake.bad_input import BadInputError
 from split_drake.experiments.run import json_line
-from split_drake.files import write_json
+from split_drake.files import UnreadableFileError, write_json
 
 CONFIG = {
     "objects_sha256": "abc",
@@ -158,6 +158,25 @@ def test_each_kind_of_scene_may_have_its_objects(tmp_path: Path) -> None:
         assert both.clutter(row, "pile").objects == str(tmp_path / "objects" / "pile" / part)
     one = options(tmp_path, objects=str(tmp_path / "objects" / "pile"))
     assert one.clutter(row, "packed").objects == one.objects
+
+
+def test_cells_are_kept_and_read_again(tmp_path: Path) -> None:
+    run, kept = tmp_path / "run", tmp_path / "kept"
+    keep(run, "split", 0.8)
+    keep(run, "vgn", 0.6)
+    rows = chosen_rows(("split", "vgn"), None)
+    table = made_table(options(run), rows)
+    keep_cells(list(table.cells.values()), kept)
+    again = made_table(options(tmp_path / "new", kept=kept), rows)
+    assert again.to_json() == table.to_json()
+    first = {path: path.read_bytes() for path in kept.rglob("*.gz")}
+    assert len(first) == 4
+    keep_cells(list(again.cells.values()), kept)
+    assert {path: path.read_bytes() for path in kept.rglob("*.gz")} == first
+    damaged = next(iter(first))
+    damaged.write_bytes(first[damaged][:-20])
+    with pytest.raises(UnreadableFileError, match="is damaged or not the rounds of a cell"):
+        made_table(options(tmp_path / "new", kept=kept), rows)
 
 
 def test_all_forms_are_written(tmp_path: Path) -> None:
