@@ -146,12 +146,14 @@ def missing_rounds(
     layout = layout_of(options)
     part = None if options.shard is None else Shard.parse(options.shard)
     objects = object_source(options.objects, folder / "decompositions")
+    names = tuple(objects.names())
     return [
         RoundSpec(
             seed=options.first_seed + seed,
             index=index,
             scene=options.scene,
             objects=objects,
+            names=names,
             detector=options.detector,
             checkpoint=options.checkpoint,
             noise=options.noise,

@@ -39,6 +39,7 @@ class RoundSpec:
         seed, index: of its draws; with the same ones every detector meets the same start.
         scene: how objects lie when it starts.
         objects: where they come from, see `object_source`.
+        names: of these; a start is drawn from them, wherever it is drawn.
         detector: the method that finds grasps, see `clutter_detectors`.
         checkpoint: its parameters, where it has any.
         noise: of what it sees.
@@ -54,6 +55,7 @@ class RoundSpec:
     index: int
     scene: SceneKind
     objects: ObjectSource
+    names: tuple[str, ...]
     detector: str
     checkpoint: Path | None
     noise: Noise
@@ -87,8 +89,11 @@ def object_source(objects: str, cache: Path) -> ObjectSource:
 
 def drawn_objects(spec: RoundSpec, rng: np.random.Generator) -> list[RigidObject]:
     """Return objects drawn with replacement and scaled, named by their number too."""
-    source = spec.objects
-    names, count = source.names(), PACKED_ATTEMPTS if spec.scene == "packed" else OBJECTS
+    source, names, count = (
+        spec.objects,
+        spec.names,
+        PACKED_ATTEMPTS if spec.scene == "packed" else OBJECTS,
+    )
     low, high = SCALES[spec.scene]
     drawn = [
         (names[int(rng.integers(len(names)))], float(rng.uniform(low, high))) for _ in range(count)

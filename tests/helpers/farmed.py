@@ -4,6 +4,10 @@ import os
 import time
 from pathlib import Path
 
+from distributed import Worker
+
+from split_drake.experiments.cluster.plugin import RunPlugin
+
 # A test's worker says here that it began.
 BEGAN: list[int] = []
 
@@ -51,6 +55,15 @@ def read_and_write(item: tuple[Path, Path]) -> tuple[str, str]:
     before = "".join(sorted(_names(run / "kept")))
     (run / "kept" / source.name).write_text("kept")
     return before, str(source)
+
+
+class PluginWithoutRoom(RunPlugin):
+    """A run's plugin on a worker whose disk is full."""
+
+    def setup(self, worker: Worker) -> None:
+        self._contents = {"a" * 300: b""}  # no file system takes such a name
+        super().setup(worker)
+        self._fault = self._fault.replace("File name too long", "no room")
 
 
 def _names(folder: Path) -> list[str]:

@@ -39,7 +39,8 @@ def address_of(scheduler: str) -> str:
     address = scheduler if "://" in scheduler else f"tcp://{scheduler}"
     scheme, _, place = address.partition("://")
     host, _, port = place.rpartition(":")
-    if scheme not in SCHEMES or not host or not port.isdecimal() or int(port) > 65535:
+    named = all(host.strip("[]").split("."))
+    if scheme not in SCHEMES or not named or not port.isdecimal() or int(port) > 65535:
         raise BadInputError(
             f"--scheduler is {scheduler!r}; expected local, an address such as "
             "tcp://10.0.0.5:8786, or the JSON file that dask scheduler --scheduler-file writes"
@@ -60,7 +61,7 @@ def _is_loopback(host: str) -> bool:
         pass
     try:
         found = {str(info[4][0]) for info in socket.getaddrinfo(host, None)}
-    except OSError:
+    except (OSError, UnicodeError):
         return False
     return all(ipaddress.ip_address(each.partition("%")[0]).is_loopback for each in found)
 
@@ -76,6 +77,15 @@ def warn_if_open(address: str) -> None:
         )
 
 
+def _require_keys(address: str) -> None:
+    for name in ("ca-file", "client.cert", "client.key"):
+        if not dask.config.get(f"distributed.comm.tls.{name}", None):
+            raise BadInputError(
+                f"{address} wants TLS, but Dask's setting distributed.comm.tls.{name} names no "
+                "file; see TLS in split_drake/experiments/cluster/README.md"
+            )
+
+
 def connect(address: str, patience_s: float) -> Client:
     """Return a client of the scheduler, which may take so long to answer.
 
@@ -83,15 +93,14 @@ def connect(address: str, patience_s: float) -> Client:
 
     Raises NoSchedulerError where none answers.
     """
-    if address.startswith("tls") and not dask.config.get("distributed.comm.tls.ca-file", None):
-        raise BadInputError(
-            f"{address} wants TLS, but Dask's setting distributed.comm.tls.ca-file names no file; "
-            "see TLS in split_drake/experiments/cluster/README.md"
-        )
+    if address.startswith("tls"):
+        _require_keys(address)
     end = time.monotonic() + patience_s
     while True:
         try:
             return Client(address, timeout=max(end - time.monotonic(), 2.0))
+        except RuntimeError as error:
+            raise BadInputError(f"{address} cannot be used: {error}") from error
         except (OSError, TimeoutError, ValueError) as error:
             if time.monotonic() + _PAUSE_S > end:
                 raise NoSchedulerError(

@@ -1,35 +1,41 @@
 """A pool whose workers are Dask's, on any machines."""
 
+import signal
 import sys
+import threading
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import CancelledError
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Generic, TypeVar
 from uuid import uuid4
 
 from distributed import Client, Future
-from distributed.client import FutureCancelledError
+from distributed.client import ClosedClientError, FutureCancelledError
 from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 
 from split_drake.bad_input import BadInputError
-from split_drake.experiments.cluster.address import (
-    address_of,
-    connect,
-    warn_if_open,
-)
-from split_drake.experiments.cluster.lane import Answer
+from split_drake.experiments.cluster.address import address_of, connect, warn_if_open
+from split_drake.experiments.cluster.lane_program import Answer
 from split_drake.experiments.cluster.plugin import (
+    BrokenWorkerError,
     Code,
     OtherWorkerError,
     RunPlugin,
     UnpreparedWorkerError,
     apply_on_worker,
-    processor_of_worker,
 )
-from split_drake.experiments.cluster.travel import Freight, pack, unpack, write_files
+from split_drake.experiments.cluster.travel import (
+    Freight,
+    files_below,
+    pack,
+    require_light,
+    unpack,
+    write_files,
+)
 from split_drake.experiments.pool import WORKER_DIED, WorkerDiedError, too_long
 from split_drake.experiments.provenance import processor
 
@@ -38,11 +44,14 @@ Result = TypeVar("Result")
 
 # How long a scheduler may take to answer at first, and to come back once it was there.
 FIRST_S, PATIENCE_S = 30.0, 600.0
-# How often it is looked whether the scheduler is still there.
-_POLL_S = 0.5
-# Workers that may die under an item, beside those that Dask itself tries; items run in processes
-# beside the worker, so that it is hardly the item's doing.
+# How often it is looked whether the scheduler is still there, and how long a result may take to
+# come from its worker before others are looked at.
+_POLL_S, _GATHER_S = 0.5, 30.0
+# Workers that may die or fail under an item, beside those that Dask itself tries.  Items run in
+# processes of their own, so that it is hardly the item's doing.
 _DEATHS = 3
+# What says that the scheduler, or the connection to it, is not the one that it was.
+_LOST = (CancelledError, FutureCancelledError, CommClosedError, ClosedClientError)
 
 
 class _SchedulerLostError(Exception):
@@ -76,7 +85,8 @@ class DaskPool(Generic[Item, Result]):
         kept: Sequence[str] = (),
         patience_s: float = PATIENCE_S,
     ) -> None:
-        self._address = address_of(scheduler)
+        address_of(scheduler)
+        self._scheduler = scheduler
         self._function = (function, start_worker)
         self._on_crash = on_crash
         self._limit_s = limit_s
@@ -92,100 +102,56 @@ class DaskPool(Generic[Item, Result]):
         if not items:
             return
         self._lost = []
-        warn_if_open(self._address)
         freight = Freight()
-        packed = [pack(item, self._run, freight) for item in items]
-        plugin = self._plugin(freight)
-        waiting = dict(enumerate(items))
-        patience_s = FIRST_S
-        while waiting:
-            client = connect(self._address, patience_s)
-            try:
-                yield from self._run_on(client, plugin, waiting, packed)
-            except _SchedulerLostError:
-                _say(f"the scheduler at {self._address} went away; waiting for it to come back")
-                patience_s = self._patience_s
-            finally:
-                _close(client, plugin.name)
+        packed = [pack(item, self._run, freight, self._kept) for item in items]
+        make_plugin = self._plugin_maker(freight)
+        waiting, told, patience_s = dict(enumerate(items)), _Told(), FIRST_S
+        with _ended_as_by_ctrl_c():
+            while waiting:
+                # A scheduler's file may name another address by now.
+                address = address_of(self._scheduler)
+                warn_if_open(address)
+                connection = _Connection(connect(address, patience_s), make_plugin(), packed)
+                try:
+                    yield from self._run_on(connection, waiting, told)
+                except _SchedulerLostError:
+                    _say(f"the scheduler at {address} went away; waiting for it to come back")
+                    patience_s = self._patience_s
+                finally:
+                    connection.close()
         if self._lost:
             raise WorkerDiedError("; ".join(self._lost))
 
-    def _plugin(self, freight: Freight) -> RunPlugin:
-        function = pack(self._function, self._run, freight)
-        return RunPlugin(
+    def _plugin_maker(self, freight: Freight) -> Callable[[], RunPlugin]:
+        """Return what makes the run's plugin, with a name of its own for each connection.
+
+        A plugin of a name that is known would end what its forerunner is at.
+        """
+        function = pack(self._function, self._run, freight, self._kept)
+        contents, before, code = freight.contents(), _before(self._run, self._kept), Code.here()
+        late = too_long(self._limit_s or 0.0)
+        return lambda: RunPlugin(
             f"split-{uuid4().hex}",
             function,
-            freight.contents(),
+            contents,
             self._kept,
-            _contents(self._run, self._kept),
+            before,
             self._limit_s,
             WORKER_DIED,
-            too_long(self._limit_s or 0.0),
-            Code.here(),
+            late,
+            code,
         )
 
     def _run_on(
-        self,
-        client: Client,
-        plugin: RunPlugin,
-        waiting: dict[int, Item],
-        packed: Sequence[bytes],
+        self, connection: "_Connection", waiting: dict[int, Item], told: "_Told"
     ) -> Iterator[Result]:
         """Yield results, taking their items out of `waiting`, until all are there."""
-        done: SimpleQueue[tuple[int, Future]] = SimpleQueue()
-        deaths: Counter[int] = Counter()
-        futures: dict[int, Future] = {}
-
-        def submit(number: int) -> None:
-            key = f"{plugin.name}-{number}-{deaths[number]}-{uuid4().hex[:8]}"
-            future = client.submit(
-                apply_on_worker, plugin.name, packed[number], key=key, pure=False
-            )
-            futures[number] = future
-            future.add_done_callback(lambda ended: done.put((number, ended)))
-
-        _prepare(client, plugin)
-        for number in waiting:
-            submit(number)
+        connection.submit_all(waiting)
         while waiting:
-            try:
-                number, future = done.get(timeout=_POLL_S)
-            except Empty:
-                if client.status != "running":
-                    raise _SchedulerLostError from None
-                continue
-            if number not in waiting or futures[number] is not future:
-                continue
-            answer = self._answer(client, plugin, future, deaths, number)
-            if answer is None:
-                submit(number)
-            else:
-                del futures[number]
-                yield from self._results(answer, waiting.pop(number))
-
-    def _answer(
-        self,
-        client: Client,
-        plugin: RunPlugin,
-        future: Future,
-        deaths: Counter[int],
-        number: int,
-    ) -> Answer | None:
-        """Return an item's answer; None where it is to be tried again."""
-        try:
-            return future.result()
-        except KilledWorker:
-            deaths[number] += 1
-            return None if deaths[number] <= _DEATHS else Answer(lost=WORKER_DIED)
-        except UnpreparedWorkerError:
-            _prepare(client, plugin)
-            return None
-        except OtherWorkerError as error:
-            raise BadInputError(f"{error}; a run needs the same on all its workers") from error
-        except (CancelledError, FutureCancelledError, CommClosedError, TimeoutError) as error:
-            if client.status != "running":
-                raise _SchedulerLostError from error
-            return None
+            number, answer = connection.next_answer()
+            item = waiting.pop(number)
+            told.note(answer.processor)
+            yield from self._results(answer, item)
 
     def _results(self, answer: Answer, item: Item) -> Iterator[Result]:
         if answer.error is not None:
@@ -200,46 +166,144 @@ class DaskPool(Generic[Item, Result]):
             yield self._on_crash(item, answer.lost)
 
 
-def _contents(run: Path | None, kept: Sequence[str]) -> dict[str, bytes]:
+class _Connection:
+    """The items of a run on one scheduler, as long as that is the same.
+
+    Args:
+        client: of the scheduler.
+        plugin: that prepares its workers.
+        packed: items, by number.
+    """
+
+    def __init__(self, client: Client, plugin: RunPlugin, packed: Sequence[bytes]) -> None:
+        self._client, self._plugin, self._packed = client, plugin, packed
+        self._comm = client.scheduler_comm
+        self._done: SimpleQueue[tuple[int, Future]] = SimpleQueue()
+        self._futures: dict[int, Future] = {}
+        self._failures: Counter[int] = Counter()
+
+    def submit_all(self, numbers: Collection[int]) -> None:
+        """Prepare the workers, and hand out items."""
+        try:
+            self._client.register_plugin(self._plugin)
+            if not self._client.scheduler_info()["workers"]:
+                _say("the scheduler has no worker yet; waiting for some")
+        except (*_LOST, TimeoutError) as error:
+            raise _SchedulerLostError from error
+        except ImportError as error:
+            raise BadInputError(
+                f"a worker cannot import {error.name}; expected this project to be installed there"
+            ) from error
+        for number in numbers:
+            self._submit(number)
+
+    def _submit(self, number: int) -> None:
+        key = f"{self._plugin.name}-{number}-{self._failures[number]}"
+        try:
+            future = self._client.submit(
+                apply_on_worker, self._plugin.name, self._packed[number], key=key, pure=False
+            )
+        except _LOST as error:
+            raise _SchedulerLostError from error
+        self._futures[number] = future
+        future.add_done_callback(lambda ended: self._done.put((number, ended)))
+
+    def next_answer(self) -> tuple[int, Answer]:
+        """Return an item's number and what became of it.
+
+        Raises _SchedulerLostError where the scheduler, or the connection to it, is another one.
+        """
+        while True:
+            try:
+                number, future = self._done.get(timeout=_POLL_S)
+            except Empty:
+                # Dask connects again by itself, but to a scheduler that may have forgotten all.
+                if self._client.scheduler_comm is not self._comm:
+                    raise _SchedulerLostError from None
+                continue
+            if self._futures.get(number) is not future:
+                continue
+            if (answer := self._answer(number, future)) is not None:
+                del self._futures[number]
+                return number, answer
+
+    def _answer(self, number: int, future: Future) -> Answer | None:
+        """Return an item's answer; None where it is waited for, or tried again."""
+        try:
+            answer: Answer = future.result(timeout=_GATHER_S)
+            return answer
+        except TimeoutError:  # its worker died with it, and it is worked out again
+            self._done.put((number, future))
+            return None
+        except (*_LOST, UnpreparedWorkerError) as error:
+            raise _SchedulerLostError from error
+        except OtherWorkerError as error:
+            raise BadInputError(f"{error}; a run needs the same on all its workers") from error
+        except (KilledWorker, BrokenWorkerError) as error:
+            return self._again(number, error)
+        except Exception as error:  # of a worker that cannot even say what is wrong
+            raise BadInputError(
+                f"a worker failed with {type(error).__name__}: {error}; expected one with the same "
+                "version of this project and of Dask"
+            ) from error
+
+    def _again(self, number: int, error: Exception) -> Answer | None:
+        self._failures[number] += 1
+        if self._failures[number] <= _DEATHS:
+            self._submit(number)
+            return None
+        if isinstance(error, KilledWorker):
+            return Answer(lost=WORKER_DIED)
+        raise BadInputError(f"{error}; expected machines with room for the run") from error
+
+    def close(self) -> None:
+        """Leave the scheduler, ending what its workers are still at."""
+        with suppress(Exception):  # it is gone, which is all that is wanted
+            if self._client.status == "running":
+                self._client.unregister_worker_plugin(self._plugin.name)
+        with suppress(Exception):
+            self._client.close(timeout=5.0)
+
+
+class _Told:
+    """Tells of processors, each once: outcomes differ in their last bits between them."""
+
+    def __init__(self) -> None:
+        self._known: set[str] = set()
+
+    def note(self, name: str) -> None:
+        """Tell of the processor that an item was worked on, where it is new."""
+        if not name or name in self._known:
+            return
+        self._known.add(name)
+        other = "" if name == processor() else f"; some outcomes may differ from {processor()}"
+        _say(f"workers on {name}{other}")
+
+
+def _before(run: Path | None, kept: Sequence[str]) -> dict[str, bytes]:
     """Return {place: content} of those entries of the run's folder that are there."""
     if run is None:
         return {}
     entries = [run / name for name in kept]
-    files = [path for entry in entries for path in (entry, *entry.rglob("*")) if path.is_file()]
+    files = [path for path in entries if path.is_file()]
+    files += [path for entry in entries if entry.is_dir() for path in files_below(entry)]
+    require_light(run, files)
     return {str(path.relative_to(run)): path.read_bytes() for path in files}
 
 
-def _prepare(client: Client, plugin: RunPlugin) -> None:
-    """Prepare all workers for the run, and say which there are."""
-    try:
-        client.register_plugin(plugin)
-        _tell_workers(client.run(processor_of_worker))
-    except (CommClosedError, OSError, TimeoutError) as error:
-        raise _SchedulerLostError from error
-    except ImportError as error:
-        raise BadInputError(
-            f"a worker cannot import {error.name}; expected this project to be installed there"
-        ) from error
-
-
-def _tell_workers(processors: Mapping[str, str]) -> None:
-    counts = Counter(processors.values())
-    if not counts:
-        _say("the scheduler has no worker yet; waiting for some")
+@contextmanager
+def _ended_as_by_ctrl_c() -> Iterator[None]:
+    """Have a request to end, or a connection that ends, stop the workers as Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
         return
-    _say("workers: " + ", ".join(f"{count} on {name}" for name, count in counts.items()))
-    if others := sorted(set(counts) - {processor()}):
-        _say(f"some outcomes may differ from those on {processor()}, on {', '.join(others)}")
-
-
-def _close(client: Client, name: str) -> None:
-    """Leave the scheduler, ending what its workers are still at."""
+    asked = (signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, signal.default_int_handler) for number in asked}
     try:
-        if client.status == "running":
-            client.unregister_worker_plugin(name)
-    except (KeyError, ValueError, OSError, TimeoutError, CancelledError):
-        pass  # it is gone, or never knew of the run
-    client.close(timeout=5.0)
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _say(text: str) -> None:

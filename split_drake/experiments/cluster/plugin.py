@@ -9,14 +9,14 @@ from typing import Any
 
 from distributed import Worker, WorkerPlugin, get_worker
 
-from split_drake.experiments.cluster.lane import Answer, Assignment, Lane
+from split_drake.experiments.cluster.lane import Lane, LaneClosedError
+from split_drake.experiments.cluster.lane_program import Answer, Assignment
 from split_drake.experiments.cluster.travel import write_files
 from split_drake.experiments.provenance import (
     code_sha256,
     combined_sha256,
     file_sha256,
     package_versions,
-    processor,
 )
 from split_drake.models_folder import MODELS_FOLDER
 
@@ -27,6 +27,10 @@ class OtherWorkerError(Exception):
 
 class UnpreparedWorkerError(Exception):
     """A worker knows nothing of the run: its scheduler forgot it."""
+
+
+class BrokenWorkerError(Exception):
+    """A worker's machine lacks memory, room or processes for an item."""
 
 
 @dataclass(frozen=True)
@@ -97,37 +101,52 @@ class RunPlugin(WorkerPlugin):
 
     def setup(self, worker: Worker) -> None:
         self._address = worker.address
-        self._folder = Path(tempfile.mkdtemp(prefix="split-", dir=worker.local_directory))
-        write_files(self._folder / "files", self._contents)
-        self._contents = {}
-        self._fault = self._code.difference(Code.here())
+        self._folder: Path | None = None
         self._lanes: dict[int, Lane] = {}
         self._guard = threading.Lock()
         self._ended = False
+        # Dask keeps a plugin whose setup fails: what went wrong is told to whoever asks for work.
+        try:
+            self._fault = self._code.difference(Code.here())
+            self._folder = Path(tempfile.mkdtemp(prefix="split-", dir=worker.local_directory))
+            write_files(self._folder / "files", self._contents)
+        except Exception as error:
+            self._fault = f"no place for the run: {type(error).__name__}: {error}"
+        self._contents = {}
 
     def teardown(self, worker: Worker) -> None:
         with self._guard:
             self._ended = True
             for lane in self._lanes.values():
                 lane.close()
-        shutil.rmtree(self._folder, ignore_errors=True)
+        if self._folder is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
 
     def apply(self, item: bytes) -> Answer:
-        """Return what becomes of a packed item in the process of this thread."""
-        if self._fault:
-            raise OtherWorkerError(f"the worker {self._address} has {self._fault}")
-        return self._lane().apply(item)
+        """Return what becomes of a packed item in the process of this thread.
 
-    def _lane(self) -> Lane:
+        Raises OtherWorkerError where this worker cannot be used, UnpreparedWorkerError where the
+        run was ended here, and BrokenWorkerError where the machine lacks something.
+        """
+        if self._fault or self._folder is None:
+            raise OtherWorkerError(f"the worker {self._address} has {self._fault}")
+        try:
+            return self._lane(self._folder).apply(item)
+        except LaneClosedError:
+            raise UnpreparedWorkerError(self.name) from None
+        except OSError as error:  # no memory, no process, no room
+            raise BrokenWorkerError(f"the worker {self._address}: {error}") from error
+
+    def _lane(self, folder: Path) -> Lane:
         number = threading.get_ident()
         with self._guard:
             if self._ended:
-                raise UnpreparedWorkerError(self.name)
+                raise LaneClosedError
             if number not in self._lanes:
-                run = self._folder / f"run-{len(self._lanes)}"
-                run.mkdir()
+                run = folder / f"lane-{len(self._lanes)}" / "run"
+                run.mkdir(parents=True, exist_ok=True)
                 write_files(run, self._before)
-                files = self._folder / "files"
+                files = folder / "files"
                 assignment = Assignment(self._function, run, files, self._kept)
                 self._lanes[number] = Lane(assignment, self._limit_s, self._died, self._late)
             return self._lanes[number]
@@ -138,9 +157,5 @@ def apply_on_worker(name: str, item: bytes) -> Answer:
     plugin: Any = get_worker().plugins.get(name)
     if plugin is None:
         raise UnpreparedWorkerError(name)
-    return plugin.apply(item)
-
-
-def processor_of_worker() -> str:
-    """Return the processor of the worker that this is called on."""
-    return processor()
+    answer: Answer = plugin.apply(item)
+    return answer

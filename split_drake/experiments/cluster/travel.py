@@ -7,9 +7,10 @@ stead, whether it exists or not.  Other paths stay as they are.
 
 import hashlib
 import io
+import os
 import pickle
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FunctionType
@@ -40,14 +41,10 @@ class Freight:
 
         Raises BadInputError where the files together are too large.
         """
-        path = path.absolute()
+        path = path.resolve()  # "..", too, has a name then
         if path not in self.known:
             self.known[path] = self._added(path)
-            if (size := sum(file.stat().st_size for file in self.files.values())) > MOST_BYTES:
-                raise BadInputError(
-                    f"{path} makes {size / 1e9:.1f} GB to send to each worker; expected at most "
-                    f"{MOST_BYTES / 1e9:g} GB"
-                )
+            require_light(path, self.files.values())
         return self.known[path]
 
     def _added(self, path: Path) -> str:
@@ -55,9 +52,7 @@ class Freight:
             place = f"{file_sha256(path)}/{path.name}"
             self.files[place] = path
             return place
-        found = {
-            str(file.relative_to(path)): file for file in sorted(path.rglob("*")) if file.is_file()
-        }
+        found = {str(file.relative_to(path)): file for file in files_below(path)}
         sha256 = combined_sha256({name: file_sha256(file) for name, file in found.items()})
         place = f"{sha256}/{path.name}"
         self.files.update({f"{place}/{name}": file for name, file in found.items()})
@@ -72,6 +67,28 @@ class Freight:
         return hashlib.sha256("\0".join(sorted(self.files)).encode()).hexdigest()
 
 
+def require_light(path: Path, files: Iterable[Path]) -> None:
+    """Raise BadInputError, naming the path that was added last, where files are too large."""
+    if (size := sum(file.stat().st_size for file in files)) > MOST_BYTES:
+        raise BadInputError(
+            f"{path} makes {size / 1e9:.1f} GB to send to each worker; expected at most "
+            f"{MOST_BYTES / 1e9:g} GB"
+        )
+
+
+def files_below(folder: Path) -> list[Path]:
+    """Return the files below a folder, sorted, those behind links to other folders included."""
+    found, seen = [], set()
+    for where, folders, names in os.walk(folder, followlinks=True):
+        real = os.path.realpath(where)
+        if real in seen:  # a link that leads back
+            folders.clear()
+            continue
+        seen.add(real)
+        found += [path for name in names if (path := Path(where) / name).is_file()]
+    return sorted(found)
+
+
 def _defined_here(value: FunctionType | type) -> tuple[str, ...] | None:
     """Return where else is found what a command defines: under its module's own name."""
     spec = sys.modules["__main__"].__spec__
@@ -79,10 +96,16 @@ def _defined_here(value: FunctionType | type) -> tuple[str, ...] | None:
 
 
 class _Packer(pickle.Pickler):
-    def __init__(self, buffer: io.BytesIO, run: Path | None, freight: Freight | None) -> None:
+    def __init__(
+        self,
+        buffer: io.BytesIO,
+        run: Path | None,
+        freight: Freight | None,
+        kept: Collection[str],
+    ) -> None:
         super().__init__(buffer, pickle.HIGHEST_PROTOCOL)
         self._run = None if run is None else run.absolute()
-        self._freight = freight
+        self._freight, self._kept = freight, kept
 
     def persistent_id(self, value: Any) -> tuple[str, ...] | None:
         if isinstance(value, Path):
@@ -93,7 +116,10 @@ class _Packer(pickle.Pickler):
 
     def _place(self, path: Path) -> tuple[str, ...] | None:
         if self._run is not None and path.absolute().is_relative_to(self._run):
-            return "run", str(path.absolute().relative_to(self._run))
+            place = path.absolute().relative_to(self._run)
+            # A file that the user put there is not sent with what the run keeps.
+            if self._freight is None or not path.is_file() or place.parts[0] in self._kept:
+                return "run", str(place)
         if self._freight is not None and path.exists():
             return "file", self._freight.add(path)
         return None
@@ -115,14 +141,19 @@ class _Unpacker(pickle.Unpickler):
         raise pickle.UnpicklingError(f"{place} stands for nothing here")
 
 
-def pack(value: object, run: Path | None, freight: Freight | None = None) -> bytes:
+def pack(
+    value: object,
+    run: Path | None,
+    freight: Freight | None = None,
+    kept: Collection[str] = (),
+) -> bytes:
     """Return a value as bytes; the files that it names are added to the freight, where given.
 
-    `run` is the run's folder, where there is one.  Raises what pickle does for values that cannot
-    travel.
+    `run` is the run's folder, where there is one, and `kept` its entries that are sent anyhow.
+    Raises what pickle does for values that cannot travel.
     """
     buffer = io.BytesIO()
-    _Packer(buffer, run, freight).dump(value)
+    _Packer(buffer, run, freight, kept).dump(value)
     return buffer.getvalue()
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import trimesh
 
 from scenarios import clutter_removal
 from scenarios.clutter.records import CRASHED, EMPTIED, ERROR, TOO_LONG, RoundRecord
@@ -34,6 +35,7 @@ def test_rounds_that_are_there_are_not_asked_for_again(tmp_path: Path) -> None:
     specs = missing_rounds(ORACLE, tmp_path, {(5, 1), (6, 0)})
     assert [(spec.seed, spec.index) for spec in specs] == [(5, 0), (6, 1)]
     (tmp_path / "meshes").mkdir()
+    trimesh.creation.box((0.04, 0.05, 0.06)).export(tmp_path / "meshes" / "box.obj")
     own = replace(ORACLE, objects=str(tmp_path / "meshes"))
     assert {spec.objects for spec in missing_rounds(own, tmp_path, set())} == {
         ObjectFolder(tmp_path / "meshes", tmp_path / "decompositions")

@@ -53,6 +53,6 @@ def test_schedulers_on_a_network_without_tls_are_warned_of() -> None:
 def test_tls_without_keys_is_refused() -> None:
     with (
         dask.config.set({"distributed.comm.tls.ca-file": None}),
-        pytest.raises(BadInputError, match="ca-file names no file"),
+        pytest.raises(BadInputError, match="ca-file names no "),
     ):
         connect("tls://127.0.0.1:1", 0.0)

@@ -49,6 +49,31 @@ def test_the_same_content_travels_once(tmp_path: Path) -> None:
     assert later.sha256() != before
 
 
+def test_what_lies_behind_links_travels_too(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "b.obj").write_text("v 0 0 0")
+    (tmp_path / "objects").mkdir()
+    (tmp_path / "objects" / "linked").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "objects" / "back").symlink_to(tmp_path / "objects")
+    freight = Freight()
+    place = freight.add(tmp_path / "objects")
+    assert sorted(freight.files) == [f"{place}/linked/b.obj"]
+    assert freight.add(tmp_path / "objects" / ".." / "objects") == place
+
+
+def test_a_users_file_in_the_runs_folder_is_sent(tmp_path: Path) -> None:
+    run, there = tmp_path / "run", tmp_path / "there"
+    (run / "kept").mkdir(parents=True)
+    for name in ("weights.bin", "kept/cache.bin"):
+        (run / name).write_text(name)
+    freight = Freight()
+    content = pack([run / "weights.bin", run / "kept" / "cache.bin"], run, freight, ("kept",))
+    write_files(there, freight.contents())
+    weights, cache = unpack(content, tmp_path / "other", there)
+    assert weights.read_text() == "weights.bin" and weights.is_relative_to(there)
+    assert cache == tmp_path / "other" / "kept" / "cache.bin"
+
+
 def test_data_sets_do_not_travel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "data.bin").write_bytes(b"x" * 2000)
     monkeypatch.setattr(travel, "MOST_BYTES", 1000)
