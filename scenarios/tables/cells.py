@@ -23,6 +23,7 @@ from split_drake.files import (
 # Rounds that are kept, a line of JSON each.
 KEPT = "rounds.jsonl.gz"
 _WHAT = "the rounds of a cell"
+_OF_A_MACHINE = ("out", "workers", "scheduler", "limit_s", "record", "shard")
 # What has to be the same in all cells of a table, and in those of one kind of scene, so that
 # methods meet the same scenes.
 SAME = ("noise", "fit_table", "select", "robot", "first_seed")
@@ -85,7 +86,16 @@ def keep_cells(cells: Sequence[Cell], out: Path) -> None:
         folder = cell_folder(out, cell.row, cell.scene)
         lines = "".join(json_line(record) + "\n" for record in cell.records)
         write_atomically(folder / KEPT, gzip.compress(lines.encode(), mtime=0))
-        write_json(folder / CONFIG, dict(cell.config))
+        write_json(folder / CONFIG, _of_any_machine(cell.config))
+
+
+def _of_any_machine(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a run's options without those of its machine, and of paths the last names."""
+    kept = {name: value for name, value in config.items() if name not in _OF_A_MACHINE}
+    for name in ("checkpoint", "objects"):
+        if kept.get(name):
+            kept[name] = "/".join(Path(kept[name]).parts[-2:])
+    return kept
 
 
 def kept_rounds(path: Path) -> list[RoundRecord]:

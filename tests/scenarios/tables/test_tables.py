@@ -162,13 +162,14 @@ def test_each_kind_of_scene_may_have_its_objects(tmp_path: Path) -> None:
 
 def test_cells_are_kept_and_read_again(tmp_path: Path) -> None:
     run, kept = tmp_path / "run", tmp_path / "kept"
-    keep(run, "split", 0.8)
+    keep(run, "split", 0.8, {"objects": "/home/somebody/objects/packed", "out": "/home/run"})
     keep(run, "vgn", 0.6)
     rows = chosen_rows(("split", "vgn"), None)
     table = made_table(options(run), rows)
     keep_cells(list(table.cells.values()), kept)
     again = made_table(options(tmp_path / "new", kept=kept), rows)
     assert again.to_json() == table.to_json()
+    assert not [path for path in kept.rglob("*.json") if "home" in path.read_text()]
     first = {path: path.read_bytes() for path in kept.rglob("*.gz")}
     assert len(first) == 4
     keep_cells(list(again.cells.values()), kept)
