@@ -89,11 +89,8 @@ def object_source(objects: str, cache: Path) -> ObjectSource:
 
 def drawn_objects(spec: RoundSpec, rng: np.random.Generator) -> list[RigidObject]:
     """Return objects drawn with replacement and scaled, named by their number too."""
-    source, names, count = (
-        spec.objects,
-        spec.names,
-        PACKED_ATTEMPTS if spec.scene == "packed" else OBJECTS,
-    )
+    source, names = spec.objects, spec.names
+    count = PACKED_ATTEMPTS if spec.scene == "packed" else OBJECTS
     low, high = SCALES[spec.scene]
     drawn = [
         (names[int(rng.integers(len(names)))], float(rng.uniform(low, high))) for _ in range(count)

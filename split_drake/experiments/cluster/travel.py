@@ -5,7 +5,6 @@ path within the run's folder stands for the same place in the folder that the wo
 stead, whether it exists or not.  Other paths stay as they are.
 """
 
-import hashlib
 import io
 import os
 import pickle
@@ -61,10 +60,6 @@ class Freight:
     def contents(self) -> dict[str, bytes]:
         """Return what the files hold."""
         return {place: file.read_bytes() for place, file in self.files.items()}
-
-    def sha256(self) -> str:
-        """Return a hash of the files' places, which are told by their content."""
-        return hashlib.sha256("\0".join(sorted(self.files)).encode()).hexdigest()
 
 
 def require_light(path: Path, files: Iterable[Path]) -> None:

@@ -42,11 +42,9 @@ def test_the_same_content_travels_once(tmp_path: Path) -> None:
     freight = Freight()
     first, second = (freight.add(tmp_path / name / "mugs") for name in ("a", "b"))
     assert first == second and first.endswith("/mugs")
-    before = freight.sha256()
     (tmp_path / "a" / "mugs" / "new.obj").write_text("v 0 0 1")
     later = Freight()
     assert later.add(tmp_path / "a" / "mugs") != first
-    assert later.sha256() != before
 
 
 def test_what_lies_behind_links_travels_too(tmp_path: Path) -> None:
