@@ -28,6 +28,7 @@ from split_drake.scene import Scene, Workspace
 from split_drake.sensing.camera_file import read_cameras
 from split_drake.sensing.cloud_file import read_cloud
 from split_drake.sensing.scene_report import measured_points, report_of
+from split_drake.sensing.table_noise import above_noise_of, scene_above_noise
 
 _HEADS = ("object", "middle (m)", "task", "poses", "best score", "why none")
 
@@ -87,7 +88,9 @@ def read_scene(options: DetectOptions) -> tuple[Scene, Array]:
     """
     if options.cloud is not None:
         points = read_cloud(options.cloud)
-        return Scene.from_points(points, _workspace(options, None)), points
+        workspace = _workspace(options, None)
+        scene = Scene.from_points(points, above_noise_of(workspace, points))
+        return replace(scene, workspace=workspace), points
     assert options.camera is not None
     file = read_cameras(options.camera)
     if len(file.cameras) != len(options.depth):
@@ -98,7 +101,7 @@ def read_scene(options: DetectOptions) -> tuple[Scene, Array]:
     masks = options.mask or (None,) * len(options.depth)
     shots = zip(file.cameras, options.depth, masks, strict=True)
     views = [camera.view(image, mask) for camera, image, mask in shots]
-    return Scene.from_views(views, _workspace(options, file.workspace)), measured_points(views)
+    return scene_above_noise(views, _workspace(options, file.workspace)), measured_points(views)
 
 
 def _workspace(options: DetectOptions, of_file: Workspace | None) -> Workspace:

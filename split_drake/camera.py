@@ -126,16 +126,18 @@ class DepthView:
             )
         return replace(self, depth_m=np.where(mask, np.float32(0.0), self.depth_m))
 
-    def points(self, min_z_m: float = -np.inf) -> Array:
+    def points(self, min_z_m: float = -np.inf, stride_px: int = 1) -> Array:
         """Return the points seen above z = `min_z_m`, (N, 3) in W, row by row.
 
-        Pixels that saw nothing are left out.
+        Pixels that saw nothing are left out, and all but one of `stride_px` each way.
         """
-        rays, z_W = pixel_rays(self.intrinsics), self.X_WC[2].astype(np.float32)
+        every = np.s_[::stride_px, ::stride_px]
+        rays, depth_m = pixel_rays(self.intrinsics)[every], self.depth_m[every]
+        z_W = self.X_WC[2].astype(np.float32)
         # Heights come first and in single precision: most pixels show the table.
-        above = (rays @ z_W[:3]) * self.depth_m + z_W[3] > min_z_m
-        seen = above & (self.depth_m > 0.0)
-        p_CPs = rays[seen] * self.depth_m[seen, None]
+        above = (rays @ z_W[:3]) * depth_m + z_W[3] > min_z_m
+        seen = above & (depth_m > 0.0)
+        p_CPs = rays[seen] * depth_m[seen, None]
         return p_CPs @ self.X_WC[:3, :3].T + self.X_WC[:3, 3]
 
 

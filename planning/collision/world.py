@@ -115,6 +115,20 @@ class CollisionWorld:
             free[free] = self._object_free(qs[free], situation)
         return free
 
+    def hand_free(self, X_WG: Array, situation: Situation) -> bool:
+        """Return whether the hand at X_WG (4, 4) touches no point, whatever brings it there.
+
+        `free` finds no configuration that reaches a pose where this is false.
+        """
+        for p_WPs, allowed in (
+            (situation.p_WStanding, situation.allowed),
+            (self.p_WObstacles, frozenset[AllowedContact]()),
+        ):
+            if p_WPs is not None and len(p_WPs):
+                if not _hand_free(X_WG[None], p_WPs, replace(situation, allowed=allowed))[0]:
+                    return False
+        return True
+
     def path_free(self, qs: Array, situation: Situation) -> bool:
         """Return whether the straight joint motions through `qs` (N, 7) are free.
 

@@ -22,6 +22,7 @@ from planning.problem import (
 )
 from split_drake.poses import Array, invert_pose, rotation_error_rad, transform_points
 from split_drake.robot.kinematics import gripper_pose
+from split_drake.sensing.table_noise import above_table_noise
 from split_drake.station.layout import Layout
 
 # A plan is kept while the frame that it places has moved in the hand by no more than this.
@@ -162,13 +163,14 @@ class _Handling:
         if not self._handler.limits.held_views:
             return HeldView(known, rejected="not looked at")
         robot = self._executor.robot
+        views = robot.capture()
         X_EW = invert_pose(self._taking.X_WGrasp)
         return view_held(
-            robot.capture(),
+            views,
             robot.q,
             robot.opening_m,
             transform_points(X_EW, self._perception.p_WPs),
-            self._handler.layout.workspace.lowest_z_m,
+            above_table_noise(self._handler.layout.workspace, views).lowest_z_m,
             known,
             self._perception.p_WObstacles,
         )

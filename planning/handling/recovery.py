@@ -19,6 +19,7 @@ from planning.motion.timing import FREE
 from planning.problem import SAMPLE_S, Plan, Segment, SegmentName
 from split_drake.robot.gripper import MAX_OPENING_M
 from split_drake.robot.kinematics import gripper_pose
+from split_drake.sensing.table_noise import above_table_noise
 from split_drake.station.layout import Layout
 
 
@@ -77,8 +78,9 @@ class Recovery:
         """
         robot = self._executor.robot
         opening_m = float(np.clip(robot.opening_m, 0.0, MAX_OPENING_M))
-        workspace = self._layout.workspace
-        seen = beside_robot(robot.capture(), robot.q, opening_m, workspace.lowest_z_m)
+        views = robot.capture()
+        workspace = above_table_noise(self._layout.workspace, views)
+        seen = beside_robot(views, robot.q, opening_m, workspace.lowest_z_m)
         seen = seen[workspace.contains(seen)]
         obstacles = voxel_centroids(seen, OBSTACLE_VOXEL_M) if len(seen) else None
         situation = Situation(opening_m, p_WStanding=obstacles)

@@ -85,8 +85,12 @@ class PickSearch:
         if not (fit.pinches or fit_fingers(X_WG, self._target.p_WSurface).pinches):
             self.rejected["nothing between the pads"] += 1
             return None
+        qs = solutions.of(index, Q_COMFORT)
+        if len(qs) and not self._world.hand_free(X_WG, self._grasping(fit)):
+            self.rejected["collision at the grasp"] += 1
+            return None
         reason = "IK"
-        for q in self._configurations(X_WG, solutions.of(index, Q_COMFORT)):
+        for q in self._configurations(X_WG, qs):
             pick, reason = self._from_configuration(q, X_WG, fit)
             if pick is not None:
                 return pick
@@ -105,9 +109,7 @@ class PickSearch:
         yield from qs[:MAX_CONFIGURATIONS]
 
     def _from_configuration(self, q: Array, X_WG: Array, fit: FingerFit) -> tuple[Pick | None, str]:
-        touching = frozenset({AllowedContact.FINGERS_TARGET})
-        obstacles = self._target.p_WObstacles
-        grasping = Situation(fit.opening_m, p_WStanding=obstacles, allowed=touching)
+        grasping = self._grasping(fit)
         if not self._world.free(q[None], grasping)[0]:
             return None, "collision at the grasp"
         approach, reason = self._approach(q, X_WG, grasping)
@@ -119,6 +121,11 @@ class PickSearch:
             return None, "lift"
         widths = (fit.opening_m, fit.release_m, fit.held_width_m)
         return Pick(X_WG, *widths, approach, lift, lifting), ""
+
+    def _grasping(self, fit: FingerFit) -> Situation:
+        touching = frozenset({AllowedContact.FINGERS_TARGET})
+        standing = self._target.p_WObstacles
+        return Situation(fit.opening_m, p_WStanding=standing, allowed=touching)
 
     def _approach(self, q: Array, X_WG: Array, grasping: Situation) -> tuple[Array | None, str]:
         """Return (A, 7) from the furthest pregrasp that works to the grasp at `q`, or why none."""

@@ -9,6 +9,7 @@ from split_drake.objects_in_view import scenes_of_objects
 from split_drake.pose_set import PoseSet, merged_pose_sets
 from split_drake.pose_task import GRASP, PoseTask
 from split_drake.scene import Scene
+from split_drake.sensing.table_noise import scene_above_noise
 
 
 class Perceiver:
@@ -37,7 +38,7 @@ class Perceiver:
         Raises EmptySceneError where nothing is seen in the workspace.
         """
         layout = self._station.config.layout
-        clean = Scene.from_views(self._station.capture(), layout.workspace)
+        clean = scene_above_noise(self._station.capture(), layout.workspace)
         scenes = [
             each.with_noise(self._noise_m, self._rngs.noise) for each in scenes_of_objects(clean)
         ]

@@ -9,6 +9,7 @@ from split_drake.camera import DepthView
 from split_drake.objects_in_view import objects_in_view
 from split_drake.poses import Array
 from split_drake.scene import Scene, Workspace
+from split_drake.sensing.table_noise import above_noise_of, table_noise_m
 
 # A table is what covers this share of the cube's footprint, in cells, within a layer so thick.
 _CELL_M, _COVER, _LAYER_M = 0.01, 0.3, 0.006
@@ -110,6 +111,13 @@ def _warnings(scene: Scene, measured: Array, objects: int) -> Iterator[str]:
         yield (
             f"the table seems to be at z = {table_z:.3f} m, the workspace has it at "
             f"{workspace.p_WCenter[2]:.3f} m: check the cameras' poses, or the workspace's center"
+        )
+    raised = above_noise_of(workspace, measured)
+    if raised != workspace:
+        yield (
+            f"the table's height spreads by {1e3 * table_noise_m(workspace, measured):.1f} mm in "
+            f"what was measured: what is lower than {1e3 * raised.table_clearance_m:.0f} mm above "
+            "it counts as table"
         )
     if objects > 1:
         yield f"{objects} objects are in view; each is looked at alone"

@@ -9,7 +9,7 @@ from pydrake.systems.sensors import ImageDepth32F
 
 from split_drake.pose_set import PoseDetector
 from split_drake.pose_task import PoseTask
-from split_drake.scene import Scene
+from split_drake.sensing.table_noise import scene_above_noise
 from split_drake.station.depth_cameras import depth_view
 from split_drake.station.layout import Layout
 
@@ -62,7 +62,7 @@ class PoseDetectorSystem(LeafSystem):
             depth_view(self.GetInputPort(placement.name).Eval(context), placement)
             for placement in self._layout.cameras
         ]
-        scene = Scene.from_views(views, self._layout.workspace)
+        scene = scene_above_noise(views, self._layout.workspace)
         output.set_value(scene.with_noise(self._noise_m, np.random.default_rng((self._seed, 0))))
 
     def _calc_pose_sets(self, context: Context, output: AbstractValue) -> None:
