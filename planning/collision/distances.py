@@ -43,9 +43,15 @@ def distance_to_segments(p_Ps: Array, p_As: Array, p_Bs: Array) -> Array:
 
 def distance_to_box(p_FPs: Array, box: Box) -> Array:
     """Return distances (...) from points (..., 3) to a box in the same frame; 0 inside."""
-    outside = np.maximum(np.subtract(box.lower, p_FPs), np.subtract(p_FPs, box.upper))
-    outside = np.maximum(outside, 0.0)
+    outside = outside_box(p_FPs, box)
     return np.sqrt(np.einsum("...j,...j->...", outside, outside))
+
+
+def outside_box(p_FPs: Array, box: Box) -> Array:
+    """Return how far points (..., 3) are beyond a box's sides, (..., 3); 0 between them."""
+    outside = np.abs(p_FPs - box.center)
+    outside -= box.size / 2.0
+    return np.maximum(outside, 0.0, out=outside)
 
 
 def distance_to_solid(p_WPs: Array, solid: Primitive) -> Array:

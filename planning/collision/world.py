@@ -11,22 +11,27 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common import Parallelism
 from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
-from scipy.spatial import cKDTree
 
 from planning.collision.distances import (
-    arm_capsules,
     distance_to_box,
     distance_to_segments,
     distance_to_solid,
     hook_capsules,
 )
 from planning.collision.exemptions import MAX_TABLE_DEPTH_M
+from planning.collision.points import (
+    POINT_RADIUS_M,
+    BoolArray,
+    apart,
+    arm_clear,
+    hand_clear,
+    posed,
+)
 from planning.subgoal import AllowedContact
 from split_drake.objects.rigid import Primitive
-from split_drake.poses import Array, invert_pose
+from split_drake.poses import Array
 from split_drake.robot.gripper import PALM, Box, finger_boxes
 from split_drake.robot.kinematics import X_7G, link_poses
 from split_drake.robot.panda import add_panda, panda_positions
@@ -42,16 +47,11 @@ from split_drake.station.layout import Layout
 # Joint motions are checked at steps of this size.
 EDGE_STEP_RAD = 0.02
 SPARSE_STEP = 6
-# Each perceived point stands for a sphere of this radius: half the diagonal of the cloud's voxels
-# within the surface.
-POINT_RADIUS_M = 0.006
 # The robot stays this far from hook and table, and further from the table where it moves fast,
 # which is where it declares no contact: the arm follows its commands within some millirad, and is a
 # metre long.
 HOOK_MARGIN_M = 0.004
 TABLE_MARGIN_M, FAST_TABLE_MARGIN_M = 0.001, 0.006
-
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -115,19 +115,14 @@ class CollisionWorld:
             free[free] = self._object_free(qs[free], situation)
         return free
 
-    def hand_free(self, X_WG: Array, situation: Situation) -> bool:
-        """Return whether the hand at X_WG (4, 4) touches no point, whatever brings it there.
+    def poses_free(self, X_WGs: Array, situation: Situation) -> bool:
+        """Return whether hand and held object touch nothing at any of the poses (B, 4, 4).
 
-        `free` finds no configuration that reaches a pose where this is false.
+        That is what of `free` does not depend on the arm: no configuration is free that reaches a
+        pose where this is false.
         """
-        for p_WPs, allowed in (
-            (situation.p_WStanding, situation.allowed),
-            (self.p_WObstacles, frozenset[AllowedContact]()),
-        ):
-            if p_WPs is not None and len(p_WPs):
-                if not _hand_free(X_WG[None], p_WPs, replace(situation, allowed=allowed))[0]:
-                    return False
-        return True
+        free = np.ones(len(X_WGs), dtype=bool)
+        return bool(self._hand_free(X_WGs, situation, free).all())
 
     def path_free(self, qs: Array, situation: Situation) -> bool:
         """Return whether the straight joint motions through `qs` (N, 7) are free.
@@ -143,28 +138,46 @@ class CollisionWorld:
 
     def _object_free(self, qs: Array, situation: Situation) -> BoolArray:
         free = np.ones(len(qs), dtype=bool)
-        among = len(self.p_WObstacles) > 0
-        if situation.p_WStanding is None and situation.p_GHeld is None and not among:
+        standing = self._standing(situation)
+        if situation.p_GHeld is None and not standing:
             return free
         X_WLs = link_poses(qs)
         X_WGs = X_WLs[:, 6] @ X_7G
-        if situation.p_WStanding is not None:
-            free &= _robot_free(X_WLs, X_WGs, situation.p_WStanding, situation)
-        if among:
-            untouched = replace(situation, allowed=frozenset())
-            free &= _robot_free(X_WLs, X_WGs, self.p_WObstacles, untouched)
+        free = self._hand_free(X_WGs, situation, free)
+        for p_WPs, _ in standing:
+            free[free] = arm_clear(X_WLs[free], p_WPs, last_link=7)
         if situation.p_GHeld is not None:
-            p_WPs = _posed(X_WGs, situation.p_GHeld)
-            free &= _arm_free(X_WLs, p_WPs, last_link=6)
-            free &= self._clear_of_table(p_WPs, X_WGs[:, 2, 3], situation)
-            free &= self._clear_of_hook(p_WPs, situation)
-            free &= self._clear_of_bin(p_WPs)
-            free &= self._clear_of_solids(p_WPs)
-            if situation.p_WStanding is not None:
-                free &= _apart(p_WPs, situation.p_WStanding)
-            if among:
-                free &= _apart(p_WPs, self.p_WObstacles)
+            held = posed(X_WGs[free], situation.p_GHeld)
+            free[free] = arm_clear(X_WLs[free], held, last_link=6)
         return free
+
+    def _hand_free(self, X_WGs: Array, situation: Situation, free: BoolArray) -> BoolArray:
+        """Return which of the `free` (B,) hands, with what they hold, touch nothing at X_WGs."""
+        for p_WPs, allowed in self._standing(situation):
+            boxes = _boxes_that_may_not_touch(situation.opening_m, allowed)
+            free[free] = hand_clear(X_WGs[free], p_WPs, boxes)
+        if situation.p_GHeld is not None:
+            free[free] = self._held_free(X_WGs[free], situation)
+        return free
+
+    def _held_free(self, X_WGs: Array, situation: Situation) -> BoolArray:
+        """Return (B,): whether what hands at X_WGs (B, 4, 4) hold touches nothing but the arm."""
+        assert situation.p_GHeld is not None
+        p_WPs = posed(X_WGs, situation.p_GHeld)
+        free = self._clear_of_table(p_WPs, X_WGs[:, 2, 3], situation)
+        free &= self._clear_of_hook(p_WPs, situation)
+        free &= self._clear_of_bin(p_WPs)
+        free &= self._clear_of_solids(p_WPs)
+        for p_WOthers, _ in self._standing(situation):
+            free &= apart(p_WPs, p_WOthers)
+        return free
+
+    def _standing(self, situation: Situation) -> list[tuple[Array, frozenset[AllowedContact]]]:
+        """Return the points of what stands in the world, and how the robot may touch them."""
+        found = [(self.p_WObstacles, frozenset[AllowedContact]())]
+        if situation.p_WStanding is not None:
+            found.insert(0, (situation.p_WStanding, situation.allowed))
+        return [(points, allowed) for points, allowed in found if len(points)]
 
     def _clear_of_table(self, p_WPs: Array, z_WGs: Array, situation: Situation) -> BoolArray:
         """Return (B,): whether held points (B, N, 3) are above the table, or as deep as allowed.
@@ -213,11 +226,12 @@ def densified(qs: Array, step_rad: float) -> Array:
     return np.concatenate(pieces)
 
 
-def _apart(p_WPs: Array, p_WStanding: Array) -> BoolArray:
-    """Return (B,): whether held points (B, N, 3) are clear of standing ones (M, 3)."""
-    gap_m = 2.0 * POINT_RADIUS_M
-    distances, _ = cKDTree(p_WStanding).query(p_WPs, distance_upper_bound=gap_m)
-    return np.asarray(~np.isfinite(distances).any(axis=1))
+def _boxes_that_may_not_touch(
+    opening_m: float, allowed: frozenset[AllowedContact]
+) -> tuple[Box, ...]:
+    """Return the palm and, unless they may touch the target, the fingers."""
+    fingers = AllowedContact.FINGERS_TARGET not in allowed
+    return (PALM, *finger_boxes(opening_m)) if fingers else (PALM,)
 
 
 def _box_in_world(primitive: Primitive) -> Box:
@@ -230,51 +244,6 @@ def _required(mask: BoolArray | None) -> BoolArray:
     if mask is None:
         raise ValueError("HELD_PEG is allowed but no points are exempt; expected peg_exempt")
     return mask
-
-
-def _posed(X_WGs: Array, p_GPs: Array) -> Array:
-    """Return (B, N, 3): points (N, 3) of G for each of the poses (B, 4, 4)."""
-    return p_GPs @ np.swapaxes(X_WGs[:, :3, :3], 1, 2) + X_WGs[:, None, :3, 3]
-
-
-def _robot_free(X_WLs: Array, X_WGs: Array, p_WPs: Array, situation: Situation) -> BoolArray:
-    """Return (B,): whether arm and hand are clear of points (N, 3), but for what is allowed."""
-    free = _arm_free(X_WLs, np.broadcast_to(p_WPs, (len(X_WLs), *p_WPs.shape)), last_link=7)
-    return free & _hand_free(X_WGs, p_WPs, situation)
-
-
-def _hand_free(X_WGs: Array, p_WPs: Array, situation: Situation) -> BoolArray:
-    """Return (B,): whether palm and, unless exempt, fingers are clear of points (N, 3)."""
-    boxes: tuple[Box, ...] = (PALM,)
-    if AllowedContact.FINGERS_TARGET not in situation.allowed:
-        boxes += finger_boxes(situation.opening_m)
-    p_GPs = _posed(invert_pose(X_WGs), p_WPs)
-    free = np.ones(len(X_WGs), dtype=bool)
-    for box in boxes:
-        free &= distance_to_box(p_GPs, box).min(axis=1) > POINT_RADIUS_M
-    return free
-
-
-def _arm_free(X_WLs: Array, p_WPs: Array, last_link: int) -> BoolArray:
-    """Return (B,): whether links 0 to `last_link` are clear of points (B, N, 3).
-
-    Capsules that the points' bounding sphere shows to be far away are not looked at closer.
-    """
-    free = np.ones(len(p_WPs), dtype=bool)
-    center = p_WPs.mean(axis=1, keepdims=True)
-    reach = np.linalg.norm(p_WPs - center, axis=-1).max(axis=1)
-    X_W0s = np.broadcast_to(np.eye(4), (len(X_WLs), 1, 4, 4))
-    X_WLs = np.concatenate([X_W0s, X_WLs], axis=1)
-    for link, capsule in arm_capsules():
-        if link > last_link:
-            continue
-        p_WEnds = np.swapaxes(_posed(X_WLs[:, link], capsule.p_FEnds), 0, 1)
-        gap = capsule.radius_m + POINT_RADIUS_M
-        near = free & (distance_to_segments(center, *p_WEnds)[:, 0] < reach + gap)
-        if near.any():
-            distances = distance_to_segments(p_WPs[near], *p_WEnds[:, near])
-            free[near] = distances.min(axis=1) > gap
-    return free
 
 
 def static_checker(

@@ -67,6 +67,27 @@ def held_pick(q: Array, held_width_m: float, target: PerceivedObject) -> Pick:
     return Pick(X_WG, release_m, release_m, held_width_m, q[None], q[None], holding)
 
 
+@dataclass(frozen=True)
+class _Ways:
+    """What the hand may do about one grasp, as far as hand and object alone tell.
+
+    Attributes:
+        X_WG: (4, 4) grasp.
+        approaches: lines (N, 4, 4) from the grasp back to a pregrasp.
+        lifts: lines (N, 4, 4) from the grasp up.
+        grasping, before: the situation on an approach, and where it starts.
+        lifting, lifted: the situation on a lift, and where it ends.
+    """
+
+    X_WG: Array
+    approaches: list[Array]
+    lifts: list[Array]
+    grasping: Situation
+    before: Situation
+    lifting: Situation
+    lifted: Situation
+
+
 class PickSearch:
     """Finds picks and counts what grasps are rejected by."""
 
@@ -86,16 +107,46 @@ class PickSearch:
             self.rejected["nothing between the pads"] += 1
             return None
         qs = solutions.of(index, Q_COMFORT)
-        if len(qs) and not self._world.hand_free(X_WG, self._grasping(fit)):
-            self.rejected["collision at the grasp"] += 1
-            return None
-        reason = "IK"
-        for q in self._configurations(X_WG, qs):
-            pick, reason = self._from_configuration(q, X_WG, fit)
-            if pick is not None:
-                return pick
+        ways, reason = self._ways(X_WG, fit) if len(qs) else (None, "IK")
+        if ways is not None:
+            for q in self._configurations(X_WG, qs):
+                pick, reason = self._from_configuration(q, ways, fit)
+                if pick is not None:
+                    return pick
         self.rejected[reason] += 1
         return None
+
+    def _ways(self, X_WG: Array, fit: FingerFit) -> tuple[_Ways | None, str]:
+        """Return how the hand may come and go, or why it cannot, whatever brings it there."""
+        standing = self._target.p_WObstacles
+        touching = frozenset({AllowedContact.FINGERS_TARGET})
+        grasping = Situation(fit.opening_m, p_WStanding=standing, allowed=touching)
+        if not self._world.poses_free(X_WG[None], grasping):
+            return None, "collision at the grasp"
+        before = Situation(fit.opening_m, p_WStanding=standing)
+        backs = [backed_off(X_WG, distance) for distance in APPROACHES_M]
+        approaches = self._lines(X_WG, backs, grasping, before)
+        if not approaches:
+            return None, "collision on the approach"
+        lifting = self._lifting(X_WG, fit)
+        lifted = Situation(lifting.opening_m, p_GHeld=lifting.p_GHeld)
+        ups = [shifted(X_WG, (0.0, 0.0, height)) for height in LIFTS_M]
+        lifts = self._lines(X_WG, ups, lifting, lifted)
+        if not lifts:
+            return None, "lift"
+        return _Ways(X_WG, approaches, lifts, grasping, before, lifting, lifted), ""
+
+    def _lines(
+        self, X_WG: Array, X_WGends: list[Array], on_the_way: Situation, there: Situation
+    ) -> list[Array]:
+        """Return the lines (N, 4, 4) from the grasp to those ends that the hand can follow."""
+        lines = [straight_line(X_WG, X_WGend, LINE_STEP_M) for X_WGend in X_WGends]
+        return [
+            line
+            for line in lines
+            if self._world.poses_free(line[-1:], there)
+            and self._world.poses_free(np.concatenate([X_WG[None], line]), on_the_way)
+        ]
 
     def _configurations(self, X_WG: Array, qs: Array) -> Iterator[Array]:
         """Yield the solution nearest to comfort, refined, and then the others as they are."""
@@ -108,36 +159,30 @@ class PickSearch:
                 yield exact[0]
         yield from qs[:MAX_CONFIGURATIONS]
 
-    def _from_configuration(self, q: Array, X_WG: Array, fit: FingerFit) -> tuple[Pick | None, str]:
-        grasping = self._grasping(fit)
-        if not self._world.free(q[None], grasping)[0]:
+    def _from_configuration(self, q: Array, ways: _Ways, fit: FingerFit) -> tuple[Pick | None, str]:
+        if not self._world.free(q[None], ways.grasping)[0]:
             return None, "collision at the grasp"
-        approach, reason = self._approach(q, X_WG, grasping)
+        approach, reason = self._approach(q, ways)
         if approach is None:
             return None, reason
-        lifting = self._lifting(X_WG, fit)
-        lift = self._lift(q, X_WG, lifting)
+        lift = self._lift(q, ways)
         if lift is None:
             return None, "lift"
         widths = (fit.opening_m, fit.release_m, fit.held_width_m)
-        return Pick(X_WG, *widths, approach, lift, lifting), ""
+        return Pick(ways.X_WG, *widths, approach, lift, ways.lifting), ""
 
-    def _grasping(self, fit: FingerFit) -> Situation:
-        touching = frozenset({AllowedContact.FINGERS_TARGET})
-        standing = self._target.p_WObstacles
-        return Situation(fit.opening_m, p_WStanding=standing, allowed=touching)
-
-    def _approach(self, q: Array, X_WG: Array, grasping: Situation) -> tuple[Array | None, str]:
+    def _approach(self, q: Array, ways: _Ways) -> tuple[Array | None, str]:
         """Return (A, 7) from the furthest pregrasp that works to the grasp at `q`, or why none."""
-        before = Situation(grasping.opening_m, p_WStanding=grasping.p_WStanding)
         reason = ""
-        for distance in APPROACHES_M:
-            back = follow(q, straight_line(X_WG, backed_off(X_WG, distance), LINE_STEP_M))
+        for line in ways.approaches:
+            back = follow(q, line)
             if back is None:
                 reason = "IK of the approach"
                 continue
             path = np.concatenate([back[::-1], q[None]])
-            if self._world.free(path[:1], before)[0] and self._world.path_free(path, grasping):
+            if self._world.free(path[:1], ways.before)[0] and self._world.path_free(
+                path, ways.grasping
+            ):
                 return path, ""
             reason = "collision on the approach"
         return None, reason
@@ -150,14 +195,13 @@ class PickSearch:
             allowed=frozenset({AllowedContact.HELD_TABLE}),
         )
 
-    def _lift(self, q: Array, X_WG: Array, lifting: Situation) -> Array | None:
-        clear = Situation(lifting.opening_m, p_GHeld=lifting.p_GHeld)
-        for height in LIFTS_M:
-            up = follow(q, straight_line(X_WG, shifted(X_WG, (0.0, 0.0, height)), LINE_STEP_M))
-            if up is None or not self._world.free(up[-1:], clear)[0]:
+    def _lift(self, q: Array, ways: _Ways) -> Array | None:
+        for line in ways.lifts:
+            up = follow(q, line)
+            if up is None or not self._world.free(up[-1:], ways.lifted)[0]:
                 continue
             path = np.concatenate([q[None], up])
-            if self._world.path_free(path, lifting):
+            if self._world.path_free(path, ways.lifting):
                 return path
         return None
 
