@@ -39,7 +39,7 @@ from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import require_results
 from split_drake.experiments.shards import Shard
 from split_drake.objects.meshes.mesh_file import ObjectFileError
-from split_drake.station.egl import check_rendering
+from split_drake.station.cameras.egl import check_rendering
 from split_drake.station.layout import Layout
 
 _FREE_KEYS = ("rounds", "seeds", "workers", "scheduler", "record", "limit_s", "out")

@@ -30,8 +30,8 @@ from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
 from split_drake.experiments.provenance import code_version
 from split_drake.experiments.run import require_results
+from split_drake.station.cameras.egl import check_rendering
 from split_drake.station.config import StationConfig
-from split_drake.station.egl import check_rendering
 from split_drake.station.layout import Layout
 
 # A trial takes a minute.

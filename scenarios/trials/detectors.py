@@ -15,8 +15,8 @@ from split_drake.grasps.sampling import GraspLabels, sample_grasps
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.pose_set import PoseDetector
 from split_drake.pose_task import find_tasks
+from split_drake.station.cameras.egl import check_rendering
 from split_drake.station.config import StationConfig
-from split_drake.station.egl import check_rendering
 from split_drake.station.file.station_file import read_station
 from split_drake.station.layout import Layout
 from split_drake.truth.oracle import OracleDetector

@@ -10,7 +10,7 @@ from pydrake.systems.sensors import ImageDepth32F
 from split_drake.pose_set import PoseDetector
 from split_drake.pose_task import PoseTask
 from split_drake.sensing.table_noise import scene_above_noise
-from split_drake.station.depth_cameras import depth_view
+from split_drake.station.cameras.depth_cameras import depth_view
 from split_drake.station.layout import Layout
 
 

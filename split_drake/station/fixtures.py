@@ -169,10 +169,12 @@ def add_objects(
     objects: Sequence[RigidObject],
     visible: bool = True,
     table_z_m: float = 0.0,
+    solid: bool = True,
 ) -> tuple[RigidBody, ...]:
     """Add free bodies, named as the objects, and return them in the same order.
 
-    Where nobody looks, `visible` may be False: meshes that are only seen take time to prepare.
+    Where nobody looks, `visible` may be False, and `solid` where nothing touches them: meshes that
+    are seen and pieces that are touched take time to prepare.
 
     By default they rest beside each other at the height of a table, 0.15 m apart along y, from
     (0.5, 0) on.
@@ -183,6 +185,8 @@ def add_objects(
     for index, item in enumerate(objects):
         rgba = _OBJECT_RGBA[index % len(_OBJECT_RGBA)] if visible else None
         body = _add_object(plant, item, rgba)
+        if solid:
+            _add_collision(plant, body, item.collision)
         p_WO = (0.5, 0.15 * index, table_z_m - float(item.mesh.bounds[0][2]))
         plant.SetDefaultFloatingBaseBodyPose(body, RigidTransform(p_WO))
         bodies.append(body)
@@ -198,7 +202,6 @@ def _add_object(
     if rgba is not None:
         mesh = drake_mesh(item.mesh)
         plant.RegisterVisualGeometry(body, RigidTransform(), mesh, item.name, rgba)
-    _add_collision(plant, body, item.collision)
     return body
 
 

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.geometry import Meshcat
-from pydrake.multibody.tree import BodyIndex
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
 
@@ -17,10 +18,12 @@ from split_drake.robot.arm_command import check_force
 from split_drake.robot.gripper import MAX_FORCE_N, MAX_OPENING_M
 from split_drake.robot.panda import add_panda, panda_positions
 from split_drake.sensing.depth_filter import DepthFilter
+from split_drake.station.cameras.depth_cameras import add_depth_camera, depth_view, photograph
+from split_drake.station.cameras.rendered_scene import add_rendered_scene, query_of
 from split_drake.station.config import StationConfig
-from split_drake.station.depth_cameras import add_depth_camera, add_renderer, depth_view, photograph
 from split_drake.station.detector_system import PoseDetectorSystem
 from split_drake.station.fixtures import add_bin, add_hook, add_objects, add_scenery, add_table
+from split_drake.station.layout import Layout
 from split_drake.station.objects.loose_objects import LooseObjects
 from split_drake.station.objects.resting_points import let_objects_bear, with_resting_points
 from split_drake.station.steps import (
@@ -75,14 +78,11 @@ class Station:
         layout = self.config.layout
         builder = DiagramBuilder()
         self.plant, self._scene_graph = add_plant(builder, self.config)
-        self._panda = add_panda(self.plant)
-        set_actuator_gains(self.plant, self._panda, self.config)
-        add_scenery(self.plant, layout)
-        table = add_table(self.plant, layout)
-        add_hook(self.plant, layout)
-        add_bin(self.plant, layout)
         added = tuple(map(with_resting_points, self.objects)) if bearing else self.objects
-        self._bodies = add_objects(self.plant, added, table_z_m=layout.table_z_m)
+        self._panda, table, self._bodies = _add_models(
+            self.plant, layout, added, visible=meshcat is not None
+        )
+        set_actuator_gains(self.plant, self._panda, self.config)
         self._loose = LooseObjects(self.plant, self._bodies)
         set_contact_material(self.plant, self._scene_graph, self.config)
         self.plant.Finalize()
@@ -90,8 +90,14 @@ class Station:
             let_objects_bear(self.plant, self._scene_graph, added, table)
         add_command(builder, self.plant, self._panda, self.config)
         export_state(builder, self.plant, self._panda)
-        add_renderer(self._scene_graph)
-        self._cameras = [add_depth_camera(builder, self._scene_graph, c) for c in layout.cameras]
+        self._rendered_scene = add_rendered_scene(
+            builder,
+            self.plant,
+            lambda plant: _add_models(plant, layout, self.objects, solid=False),
+        )
+        self._cameras = [
+            add_depth_camera(builder, self._rendered_scene, camera) for camera in layout.cameras
+        ]
         if detector_system is not None:
             add_detector(builder, detector_system, self._cameras)
         if meshcat is not None:
@@ -218,10 +224,24 @@ class Station:
 
     def photograph(self, intrinsics: Intrinsics, X_WC: Array) -> NDArray[np.uint8]:
         """Return an (H, W, 3) colour picture of the station from a camera at X_WC."""
-        context = self._scene_graph.GetMyContextFromRoot(self._context)
-        query = self._scene_graph.get_query_output_port().Eval(context)
-        return photograph(query, intrinsics, X_WC)
+        return photograph(query_of(self._rendered_scene, self._context), intrinsics, X_WC)
 
     def graphviz(self) -> str:
         """Return the diagram's systems and connections in Graphviz' language."""
         return self.diagram.GetGraphvizString(max_depth=1)
+
+
+def _add_models(
+    plant: MultibodyPlant,
+    layout: Layout,
+    objects: Sequence[RigidObject],
+    visible: bool = True,
+    solid: bool = True,
+) -> tuple[ModelInstanceIndex, RigidBody, tuple[RigidBody, ...]]:
+    """Add all that a station is made of; return the Panda, the table and the objects."""
+    panda = add_panda(plant)
+    add_scenery(plant, layout)
+    table = add_table(plant, layout)
+    add_hook(plant, layout)
+    add_bin(plant, layout)
+    return panda, table, add_objects(plant, objects, visible, layout.table_z_m, solid)

@@ -26,7 +26,7 @@ from split_drake.objects.mugs.split import mug_names
 from split_drake.pose_set import load_pose_sets
 from split_drake.pose_task import UnknownTaskError
 from split_drake.split.checkpoint import CheckpointError, default_weights
-from split_drake.station.egl import RenderingUnavailableError
+from split_drake.station.cameras.egl import RenderingUnavailableError
 
 ROOT = Path(__file__).parents[2]
 

@@ -6,8 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydrake.geometry import FrameId, Meshcat, QueryObject
+from pydrake.geometry import FrameId, Meshcat
 from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Joint, RigidBody
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, DiagramBuilder
@@ -18,12 +19,13 @@ from split_drake.poses import Array, check_poses
 from split_drake.robot.arm_command import COMMAND_PERIOD_S, check_force
 from split_drake.robot.gripper import MAX_FORCE_N, MAX_OPENING_M
 from split_drake.robot.panda import FINGER_JOINTS, GRIPPER_FRAME, HAND_BODIES
+from split_drake.station.cameras.depth_cameras import photograph
+from split_drake.station.cameras.rendered_scene import add_rendered_scene, query_of
 from split_drake.station.config import StationConfig
-from split_drake.station.depth_cameras import add_renderer, photograph
 from split_drake.station.fixtures import add_objects, add_table
 from split_drake.station.hand.fence import add_fence
 from split_drake.station.hand.hand_command import add_hand_command, shares_of_way
-from split_drake.station.hand.hand_model import add_hand
+from split_drake.station.hand.hand_model import HandModel, add_hand
 from split_drake.station.hand.views import render_depth
 from split_drake.station.layout import CameraPlacement, Layout
 from split_drake.station.objects.loose_objects import (
@@ -73,17 +75,18 @@ class HandStation:
         self.objects = tuple(objects)
         builder = DiagramBuilder()
         self.plant, self._scene_graph = add_plant(builder, self.config)
-        self._hand = add_hand(self.plant, self.config)
-        table = add_table(self.plant, layout)
-        self._fence = add_fence(self.plant, layout.workspace)
         bearing = [with_resting_points(item) for item in self.objects]
-        self._bodies = add_objects(self.plant, bearing, table_z_m=layout.table_z_m)
+        self._hand, table, self._fence, self._bodies = self._add_models(
+            self.plant, bearing, visible=meshcat is not None
+        )
         self._loose = LooseObjects(self.plant, self._bodies)
         set_contact_material(self.plant, self._scene_graph, self.config)
         self.plant.Finalize()
         let_objects_bear(self.plant, self._scene_graph, bearing, table)
         add_hand_command(builder, self.plant, self._hand, self.config.finger_kp_n_per_m)
-        add_renderer(self._scene_graph)
+        self._rendered_scene = add_rendered_scene(
+            builder, self.plant, lambda plant: self._add_models(plant, self.objects, solid=False)
+        )
         if meshcat is not None:
             add_meshcat(builder, self._scene_graph, meshcat, self.config)
         self.diagram = builder.Build()
@@ -94,6 +97,21 @@ class HandStation:
         for index in range(len(self.objects)):
             self.park_object(index)
         self.simulator.Initialize()
+
+    def _add_models(
+        self,
+        plant: MultibodyPlant,
+        objects: Sequence[RigidObject],
+        visible: bool = True,
+        solid: bool = True,
+    ) -> tuple[HandModel, RigidBody, RigidBody, tuple[RigidBody, ...]]:
+        """Add all that the station is made of; return hand, table, fence and objects."""
+        layout = self.config.layout
+        hand = add_hand(plant, self.config)
+        table = add_table(plant, layout)
+        fence = add_fence(plant, layout.workspace)
+        bodies = add_objects(plant, objects, visible, layout.table_z_m, solid)
+        return hand, table, fence, bodies
 
     # What the hand is told.
 
@@ -209,7 +227,7 @@ class HandStation:
         """Return the names of the bodies that the hand touches now."""
         hand = {self._frame_id(self.plant.GetBodyByName(name)) for name in HAND_BODIES}
         inspector, found = self._scene_graph.model_inspector(), set()
-        for pair in self._query().ComputePointPairPenetration():
+        for pair in query_of(self._scene_graph, self._context).ComputePointPairPenetration():
             ends = {inspector.GetFrameId(pair.id_A), inspector.GetFrameId(pair.id_B)}
             if ends & hand:
                 found |= ends - hand
@@ -217,7 +235,7 @@ class HandStation:
 
     def capture(self, cameras: Sequence[CameraPlacement]) -> tuple[DepthView, ...]:
         """Return what depth cameras at these places see now, wherever they are."""
-        query = self._query()
+        query = query_of(self._rendered_scene, self._context)
         return tuple(render_depth(query, placement) for placement in cameras)
 
     # Setting up.
@@ -256,15 +274,11 @@ class HandStation:
 
     def photograph(self, intrinsics: Intrinsics, X_WC: Array) -> NDArray[np.uint8]:
         """Return an (H, W, 3) colour picture of the station from a camera at X_WC."""
-        return photograph(self._query(), intrinsics, X_WC)
+        return photograph(query_of(self._rendered_scene, self._context), intrinsics, X_WC)
 
     @property
     def _context(self) -> Context:
         return self.simulator.get_mutable_context()
-
-    def _query(self) -> QueryObject:
-        context = self._scene_graph.GetMyContextFromRoot(self._context)
-        return self._scene_graph.get_query_output_port().Eval(context)
 
     def _fingers(self) -> list[Joint]:
         return [self.plant.GetJointByName(name, self._hand.hand) for name in FINGER_JOINTS]

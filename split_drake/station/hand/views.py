@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from split_drake.camera import DepthView, Intrinsics
-from split_drake.station.depth_cameras import add_depth_camera, depth_view
+from split_drake.station.cameras.depth_cameras import add_depth_camera, depth_view
 from split_drake.station.layout import CameraPlacement
 
 

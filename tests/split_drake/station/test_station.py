@@ -16,8 +16,8 @@ from split_drake.poses import Array, make_pose, rotation_x, rotation_y, rotation
 from split_drake.robot.gripper import MAX_FORCE_N, MAX_OPENING_M
 from split_drake.robot.panda import GRIPPER_FRAME
 from split_drake.robot.posture import Q_HOME
+from split_drake.station.cameras.egl import RenderingUnavailableError, check_rendering
 from split_drake.station.config import StationConfig
-from split_drake.station.egl import RenderingUnavailableError, check_rendering
 from split_drake.station.layout import Layout
 from split_drake.station.station import Station
 from split_drake.truth.state import Truth

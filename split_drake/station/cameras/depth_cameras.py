@@ -20,7 +20,7 @@ from pydrake.systems.sensors import CameraInfo, ImageDepth32F, RgbdSensor
 
 from split_drake.camera import DepthView, Intrinsics
 from split_drake.poses import Array
-from split_drake.station.egl import check_rendering
+from split_drake.station.cameras.egl import check_rendering
 from split_drake.station.layout import CameraPlacement
 
 RENDERER = "vtk"

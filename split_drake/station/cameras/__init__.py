@@ -1,0 +1,1 @@
+"""What cameras see of a station: a scene that only they look at, and images of it."""
