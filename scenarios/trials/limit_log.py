@@ -7,7 +7,8 @@ from weakref import WeakMethod
 import numpy as np
 from pydrake.systems.framework import Context
 
-from split_drake.robot.panda import FINGER_BODIES, arm_limits, weight_torques_nm
+from split_drake.poses import Array
+from split_drake.robot.panda import arm_limits, weight_torques_nm
 from split_drake.station.station import Station
 from split_drake.truth.state import Truth
 
@@ -79,7 +80,8 @@ class LimitLog:
         self._limits = arm_limits()
         self._margin_rad = float("inf")
         self._velocity = self._torque = self._depth_m = self._fixture_depth_m = 0.0
-        self._weight_nm = weight_torques_nm(station.q)
+        self._states: list[Array] = []
+        self._torques_nm: list[Array] = []
         self._next_look_s = station.time_s
         # The simulator would keep what it calls, and this keeps the simulator.
         watching: WeakMethod[Callable[[Context], None]] = WeakMethod(self._watch)
@@ -88,22 +90,33 @@ class LimitLog:
     @property
     def peaks(self) -> Peaks:
         """The extremes so far."""
+        self._look()
         depths = (self._depth_m, self._fixture_depth_m)
         return Peaks(self._margin_rad, self._velocity, self._torque, *depths)
 
     def _watch(self, context: Context) -> None:
-        limits, q = self._limits, self._station.q
+        self._states.append(self._station.panda_state)
+        self._torques_nm.append(self._station.joint_torques_nm)
         if context.get_time() > self._next_look_s - 1e-9:
+            self._look()
             self._next_look_s += _LOOK_S
-            self._weight_nm = weight_torques_nm(q)
-            self._depth_m = max(self._depth_m, self._truth.penetration_m(FINGER_BODIES))
-            self._fixture_depth_m = max(self._fixture_depth_m, self._truth.robot_depth_m())
-        torques = self._station.joint_torques_nm + self._weight_nm
-        margin = min((q - limits.q_lower).min(), (limits.q_upper - q).min())
+
+    def _look(self) -> None:
+        """Take in the steps since the last look, and how deep the robot is in something now."""
+        if not self._states:
+            return
+        limits, states = self._limits, np.array(self._states)
+        qs, vs = states[:, :7], states[:, 9:16]
+        margin = min((qs - limits.q_lower).min(), (limits.q_upper - qs).min())
         self._margin_rad = min(self._margin_rad, float(margin))
-        speeds = np.abs(self._station.v) / limits.v_max
-        self._velocity = max(self._velocity, float(speeds.max()))
+        self._velocity = max(self._velocity, float((np.abs(vs) / limits.v_max).max()))
+        torques = np.array(self._torques_nm) + weight_torques_nm(qs[-1])
         self._torque = max(self._torque, float((np.abs(torques) / limits.effort_max_nm).max()))
+        self._states.clear()
+        self._torques_nm.clear()
+        depth_m, fixture_depth_m = self._truth.robot_depths_m()
+        self._depth_m = max(self._depth_m, depth_m)
+        self._fixture_depth_m = max(self._fixture_depth_m, fixture_depth_m)
 
 
 def _call(watching: WeakMethod[Callable[[Context], None]], context: Context) -> None:

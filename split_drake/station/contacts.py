@@ -1,6 +1,6 @@
 """Who touches a body, and how deep, in a plant with point or hydroelastic contact."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 from pydrake.geometry import FrameId, GeometryId
@@ -40,13 +40,25 @@ def penetration_m(
 
     By the shapes alone, whatever the contact model makes of them.
     """
+    (depth_m,) = penetrations_m(plant, context, [(one, other)])
+    return depth_m
+
+
+def penetrations_m(
+    plant: MultibodyPlant,
+    context: Context,
+    groups: Sequence[tuple[Collection[str], Collection[str]]],
+) -> list[float]:
+    """Return how deep each two groups of named bodies overlap now, from one look at all shapes."""
     query = plant.get_geometry_query_input_port().Eval(context)
-    inspector, ones, others = query.inspector(), _frames(plant, one), _frames(plant, other)
-    deepest = 0.0
+    inspector = query.inspector()
+    frames = [(_frames(plant, one), _frames(plant, other)) for one, other in groups]
+    deepest = [0.0] * len(groups)
     for pair in query.ComputePointPairPenetration():
         a, b = inspector.GetFrameId(pair.id_A), inspector.GetFrameId(pair.id_B)
-        if (a in ones and b in others) or (b in ones and a in others):
-            deepest = max(deepest, float(pair.depth))
+        for number, (ones, others) in enumerate(frames):
+            if (a in ones and b in others) or (b in ones and a in others):
+                deepest[number] = max(deepest[number], float(pair.depth))
     return deepest
 
 

@@ -104,6 +104,8 @@ class Station:
             add_meshcat(builder, self._scene_graph, meshcat, self.config)
         self.diagram = builder.Build()
         self.diagram.set_name("station")
+        self._state_port = self.diagram.GetOutputPort("panda_state")
+        self._torque_port = self.diagram.GetOutputPort("panda_torques")
         self.simulator = Simulator(self.diagram)
         self.set_arm(layout.q_home, MAX_OPENING_M)
         self.simulator.Initialize()
@@ -144,31 +146,32 @@ class Station:
     @property
     def q(self) -> Array:
         """Joint angles, (7,) in rad."""
-        return self._panda_state[:7]
+        return self.panda_state[:7]
 
     @property
     def v(self) -> Array:
         """Joint velocities, (7,) in rad/s."""
-        return self._panda_state[9:16]
+        return self.panda_state[9:16]
 
     @property
     def opening_m(self) -> float:
         """Distance between the pads."""
-        return float(self._panda_state[7:9].sum())
+        return float(self.panda_state[7:9].sum())
 
     @property
     def joint_torques_nm(self) -> Array:
         """Torques of the arm's actuators in the last step, (7,), without the arm's own weight."""
-        return self.diagram.GetOutputPort("panda_torques").Eval(self._context)[:7]
+        return self._torque_port.Eval(self._context)[:7]
 
     @property
     def finger_forces_n(self) -> Array:
         """Forces of the fingers' actuators in the last step, (2,), negative where they close."""
-        return self.diagram.GetOutputPort("panda_torques").Eval(self._context)[7:]
+        return self._torque_port.Eval(self._context)[7:]
 
     @property
-    def _panda_state(self) -> Array:
-        return self.diagram.GetOutputPort("panda_state").Eval(self._context)
+    def panda_state(self) -> Array:
+        """Positions (9,), then velocities (9,), of the seven joints and both fingers."""
+        return self._state_port.Eval(self._context)
 
     def capture(self) -> tuple[DepthView, ...]:
         """Return what the depth cameras see now, in the layout's order."""

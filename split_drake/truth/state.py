@@ -7,8 +7,8 @@ import numpy as np
 from pydrake.multibody.tree import RigidBody
 
 from split_drake.poses import Array, transform_points
-from split_drake.robot.panda import MOVING_BODIES
-from split_drake.station.contacts import contacts_of, penetration_m
+from split_drake.robot.panda import FINGER_BODIES, MOVING_BODIES
+from split_drake.station.contacts import contacts_of, penetration_m, penetrations_m
 from split_drake.station.fixtures import HOOK_BODY, TABLE_BODY
 from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.station import Station
@@ -69,10 +69,15 @@ class Truth:
         own = self._station.objects[index].name
         return penetration_m(self._plant, self._station.plant_context, bodies, {own})
 
-    def robot_depth_m(self) -> float:
-        """Return how deep the robot's moving bodies overlap with table and hook, 0 if not."""
-        fixtures = (TABLE_BODY, HOOK_BODY)
-        return penetration_m(self._plant, self._station.plant_context, MOVING_BODIES, fixtures)
+    def robot_depths_m(self, index: int = 0) -> tuple[float, float]:
+        """Return how deep the robot is in what it should not sink into, 0 where it is not.
+
+        That is the fingers with an object, and all of its moving bodies with table and hook.
+        """
+        own, fixtures = {self._station.objects[index].name}, (TABLE_BODY, HOOK_BODY)
+        groups = [(FINGER_BODIES, own), (MOVING_BODIES, fixtures)]
+        in_object, in_fixtures = penetrations_m(self._plant, self._station.plant_context, groups)
+        return in_object, in_fixtures
 
     def _body(self, index: int) -> RigidBody:
         return self._plant.get_body(self._station.object_body(index))
