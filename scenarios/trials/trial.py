@@ -55,12 +55,12 @@ def run_trial(spec: TrialSpec) -> TrialRecord:
 
 
 def _run_trial(spec: TrialSpec) -> TrialRecord:
-    mug = spec.load_mug(spec.mug_names()[0])
+    trial = None
     try:
         trial = _Trial(spec)
-        mug = trial.setup.mug
         return trial.carry_out()
     except Exception as error:
+        mug = trial.setup.mug if trial else spec.load_mug(spec.mug_names()[0])
         failure = f"{type(error).__name__}: {error}"
         return _failed_trial(spec, mug, failure, traceback.format_exc())
 

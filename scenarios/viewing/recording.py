@@ -42,11 +42,15 @@ def freeing_recorders() -> Iterator[None]:
     Drake ends the process where a Meshcat is freed in another thread than it was made in.  What
     Python has of a diagram refers to itself, so that it is freed by whichever thread happens to
     collect garbage: a progress bar's, say.
+
+    What is there before is left out of the search, which would take longer than the rest of it.
     """
+    gc.freeze()
     try:
         yield
     finally:
         gc.collect()
+        gc.unfreeze()
 
 
 def _point_cloud(p_WPs: Array) -> PointCloud:

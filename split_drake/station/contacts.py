@@ -40,26 +40,35 @@ def penetration_m(
 
     By the shapes alone, whatever the contact model makes of them.
     """
-    (depth_m,) = penetrations_m(plant, context, [(one, other)])
+    (depth_m,) = Overlaps(plant, [(one, other)]).depths_m(context)
     return depth_m
 
 
-def penetrations_m(
-    plant: MultibodyPlant,
-    context: Context,
-    groups: Sequence[tuple[Collection[str], Collection[str]]],
-) -> list[float]:
-    """Return how deep each two groups of named bodies overlap now, from one look at all shapes."""
-    query = plant.get_geometry_query_input_port().Eval(context)
-    inspector = query.inspector()
-    frames = [(_frames(plant, one), _frames(plant, other)) for one, other in groups]
-    deepest = [0.0] * len(groups)
-    for pair in query.ComputePointPairPenetration():
-        a, b = inspector.GetFrameId(pair.id_A), inspector.GetFrameId(pair.id_B)
-        for number, (ones, others) in enumerate(frames):
-            if (a in ones and b in others) or (b in ones and a in others):
-                deepest[number] = max(deepest[number], float(pair.depth))
-    return deepest
+class Overlaps:
+    """How deep bodies overlap with others, for several groups of them at one look.
+
+    Args:
+        plant: that all of them are in.
+        groups: names of bodies, and of those that they may overlap with.
+    """
+
+    def __init__(
+        self, plant: MultibodyPlant, groups: Sequence[tuple[Collection[str], Collection[str]]]
+    ) -> None:
+        self._plant = plant
+        self._frames = [(_frames(plant, one), _frames(plant, other)) for one, other in groups]
+
+    def depths_m(self, context: Context) -> list[float]:
+        """Return how deep each group overlaps now, as `penetration_m` has it."""
+        query = self._plant.get_geometry_query_input_port().Eval(context)
+        inspector = query.inspector()
+        deepest = [0.0] * len(self._frames)
+        for pair in query.ComputePointPairPenetration():
+            a, b = inspector.GetFrameId(pair.id_A), inspector.GetFrameId(pair.id_B)
+            for number, (ones, others) in enumerate(self._frames):
+                if (a in ones and b in others) or (b in ones and a in others):
+                    deepest[number] = max(deepest[number], float(pair.depth))
+        return deepest
 
 
 def _frames(plant: MultibodyPlant, names: Collection[str]) -> set[FrameId]:

@@ -8,7 +8,7 @@ from pydrake.multibody.tree import RigidBody
 
 from split_drake.poses import Array, transform_points
 from split_drake.robot.panda import FINGER_BODIES, MOVING_BODIES
-from split_drake.station.contacts import contacts_of, penetration_m, penetrations_m
+from split_drake.station.contacts import Overlaps, contacts_of, penetration_m
 from split_drake.station.fixtures import HOOK_BODY, TABLE_BODY
 from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.station import Station
@@ -36,6 +36,7 @@ class Truth:
     def __init__(self, station: AnyStation) -> None:
         self._station = station
         self._plant = station.plant
+        self._overlaps: dict[int, Overlaps] = {}
 
     def X_WO(self, index: int = 0) -> Array:
         """Return the pose of an object, (4, 4)."""
@@ -74,10 +75,12 @@ class Truth:
 
         That is the fingers with an object, and all of its moving bodies with table and hook.
         """
-        own, fixtures = {self._station.objects[index].name}, (TABLE_BODY, HOOK_BODY)
-        groups = [(FINGER_BODIES, own), (MOVING_BODIES, fixtures)]
-        in_object, in_fixtures = penetrations_m(self._plant, self._station.plant_context, groups)
-        return in_object, in_fixtures
+        if index not in self._overlaps:
+            own, fixtures = {self._station.objects[index].name}, (TABLE_BODY, HOOK_BODY)
+            groups = [(FINGER_BODIES, own), (MOVING_BODIES, fixtures)]
+            self._overlaps[index] = Overlaps(self._plant, groups)
+        depths_m = self._overlaps[index].depths_m(self._station.plant_context)
+        return depths_m[0], depths_m[1]
 
     def _body(self, index: int) -> RigidBody:
         return self._plant.get_body(self._station.object_body(index))
