@@ -26,6 +26,7 @@ class AttemptLimits:
         ways_out: that are tried out of an object which the open hand is caught on.
         held_views: whether what was lifted is looked at, and placed as it lies in the hand.
         lowers_on: whether what is to be let go is lowered on where nothing was felt.
+        looks_after: whether a look tells if what was let go above the table has fallen onto it.
 
     Raises ValueError where one of them is too small.
     """
@@ -37,11 +38,20 @@ class AttemptLimits:
     ways_out: int = 3
     held_views: bool = True
     lowers_on: bool = True
+    looks_after: bool = True
 
     @classmethod
     def without_feedback(cls) -> Self:
         """Return limits under which plans are executed as they are, and nothing is tried twice."""
-        return cls(picks=1, placements=1, looks=1, ways_out=0, held_views=False, lowers_on=False)
+        return cls(
+            picks=1,
+            placements=1,
+            looks=1,
+            ways_out=0,
+            held_views=False,
+            lowers_on=False,
+            looks_after=False,
+        )
 
     def __post_init__(self) -> None:
         require_numbers(self)

@@ -8,6 +8,7 @@ import numpy as np
 from planning.execution.executor import ExecutionResult, Executor, joined
 from planning.execution.faults import Fault
 from planning.handling.attempts import Attempt, AttemptLimits, Perception
+from planning.handling.fallen import fallen_object
 from planning.handling.held_view import HeldView, view_held
 from planning.handling.recovery import Recovery
 from planning.handling.timed_planning import plan_timed
@@ -126,9 +127,9 @@ class _Handling:
             whole, done = replace(placed, logs=done.logs + placed.logs), _NOTHING
             if placed.fault is Fault.EMPTY:
                 return self._lost(self._plan.place, placed, whole)
-            self._note(self._plan, whole)
             if placed.completed:
-                return PickOutcome(tuple(self._attempts), home=False)
+                return self._let_go(whole)
+            self._note(self._plan, whole)
             self._failures += 1
             if placed.stage is Stage.PLACEMENT:
                 self._X_WGblocked.append(self._plan.X_WGplace)
@@ -136,6 +137,26 @@ class _Handling:
                 return self._ended("the object was lost on the way back", free=True)
             if self._failures >= self._handler.limits.placements:
                 return self._put_down()
+
+    def _let_go(self, whole: ExecutionResult) -> PickOutcome:
+        """Note an attempt that went to its end, and whether the object stayed where it was put."""
+        fallen = self._fallen()
+        if fallen is None:
+            self._note(self._plan, whole)
+            return PickOutcome(tuple(self._attempts), home=False)
+        reason = f"the object fell: something lies at ({fallen[0]:.2f}, {fallen[1]:.2f}) m now"
+        self._note(
+            self._plan, replace(whole, completed=False, stage=Stage.PLACEMENT, reason=reason)
+        )
+        return self._ended("left it there", free=True)
+
+    def _fallen(self) -> Array | None:
+        """Return where the object lies if it fell, as far as a look tells."""
+        if not self._handler.limits.looks_after:
+            return None
+        seen = self._perception
+        robot, layout = self._executor.robot, self._handler.layout
+        return fallen_object(robot, layout, self._taking, seen.p_WPs, seen.p_WObstacles)
 
     def _place(self) -> ExecutionResult:
         """Execute the rest of the plan; what is let go is lowered on where nothing was felt.

@@ -94,7 +94,7 @@ def view_held(
     """
     expected = np.eye(4) if X_GEexpected is None else X_GEexpected
     p_EMs = voxel_centroids(p_EPs, MODEL_VOXEL_M)
-    p_WPs = _apart_from(beside_robot(views, q, opening_m, lowest_z_m), p_WOthers)
+    p_WPs = apart_from(beside_robot(views, q, opening_m, lowest_z_m), p_WOthers)
     seen = transform_points(invert_pose(gripper_pose(q)), p_WPs)
     reach = np.linalg.norm(p_EMs, axis=1).max() + SEARCH_M
     p_GPs = voxel_centroids(seen[np.linalg.norm(seen, axis=1) < reach], SEEN_VOXEL_M)
@@ -115,7 +115,7 @@ def view_held(
     return held
 
 
-def _apart_from(p_WPs: Array, p_WOthers: Array | None) -> Array:
+def apart_from(p_WPs: Array, p_WOthers: Array | None) -> Array:
     """Return those of the points (N, 3) that are not of other things (O, 3), if any are known."""
     if p_WOthers is None or not len(p_WOthers):
         return p_WPs

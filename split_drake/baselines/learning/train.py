@@ -37,7 +37,7 @@ class TrainConfig:
     """A training run.
 
     Attributes:
-        method: vgn, giga or se3dif.
+        method: vgn, giga, se3dif or se3dif_segments.
         data: dataset of `split_drake.data.clutter.generate`.
         out: output folder.
         fields: folder of `draw_fields`, for methods that learn from fields.
