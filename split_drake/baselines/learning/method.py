@@ -21,9 +21,11 @@ class Lessons(ABC):
 
     Attributes:
         network: what learns.
+        bfloat16: whether matrix products are computed in that type while it learns.
     """
 
     network: nn.Module
+    bfloat16: bool = False
 
     @abstractmethod
     def __len__(self) -> int:

@@ -109,9 +109,11 @@ class BaselineRun:
         lessons = self._method.prepare(dataset, config.fields)
         self._pupil = Pupil(self._method, lessons, config.seed)
         self._folder = TrainingFolder(config.out, WEIGHTS)
-        if self._folder.take_up(
-            config.record() | {"dataset_hash": self._dataset_hash}, config.resume
-        ):
+        options = config.record() | {
+            "dataset_hash": self._dataset_hash,
+            "bfloat16": lessons.bfloat16,
+        }
+        if self._folder.take_up(options, config.resume):
             self._pupil.restore(self._folder.state)
             self._folder.cut_curves(self._pupil.step)
             console.print(f"resumed at step {self._pupil.step}")

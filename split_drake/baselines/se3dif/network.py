@@ -26,8 +26,13 @@ BOX_LOWER_M, BOX_UPPER_M = (-0.031, -0.044, -0.075), (0.031, 0.044, 0.013)
 
 
 class Se3DifNetwork(nn.Module):
-    """Code of a cloud, and the energy of poses beside it."""
+    """Code of a cloud, and the energy of poses beside it.
 
+    Attributes:
+        in_bfloat16: whether products of features are computed in that type.
+    """
+
+    in_bfloat16: bool = False
     p_GQs: Tensor
     frequencies: Tensor
 
@@ -49,8 +54,14 @@ class Se3DifNetwork(nn.Module):
 
     def encode(self, points: Tensor) -> Tensor:
         """Return codes (B, LATENT) of clouds (B, N, 3), about their middle and scaled."""
-        code: Tensor = self.encoder(points)
-        return code
+        with self._products():
+            code: Tensor = self.encoder(points)
+        return code.to(points.dtype)
+
+    def _products(self) -> torch.autocast:
+        """Return within what products of features are computed; places keep all their digits."""
+        device = self.p_GQs.device.type
+        return torch.autocast(device, torch.bfloat16, enabled=self.in_bfloat16)
 
     def energy(self, code: Tensor, R: Tensor, p: Tensor, time: Tensor) -> Tensor:
         """Return energies (P,) of poses with rotations (P, 3, 3) and scaled positions (P, 3).
@@ -63,9 +74,10 @@ class Se3DifNetwork(nn.Module):
         at = self.of_time(torch.cat([waves.sin(), waves.cos()], -1))
         points = self.p_GQs @ R.transpose(-1, -2) + p[:, None]
         same = torch.cat([code, functional.silu(at)], -1)[:, None].expand(-1, GRIPPER_POINTS, -1)
-        features = self.of_points(torch.cat([same, points], -1))
-        energy: Tensor = self.to_energy(features.flatten(1))
-        return energy[:, 0]
+        with self._products():
+            features = self.of_points(torch.cat([same, points], -1))
+            energy: Tensor = self.to_energy(features.flatten(1))
+        return energy[:, 0].to(R.dtype)
 
     def energy_gradient(
         self, code: Tensor, R: Tensor, p: Tensor, time: Tensor, training: bool = False

@@ -9,7 +9,7 @@ from split_drake.baselines.se3dif import diffusion
 from split_drake.baselines.se3dif.clouds import drawn_points, scaled_cloud
 from split_drake.baselines.se3dif.detector import Se3DifDetector
 from split_drake.baselines.se3dif.diffusion import Se3DifSampler, denoising_loss, sigma
-from split_drake.baselines.se3dif.network import Se3DifNetwork
+from split_drake.baselines.se3dif.network import CLOUD_POINTS, Se3DifNetwork
 from split_drake.baselines.se3dif.vector_neurons import VectorEncoder
 from split_drake.scene import Scene
 from split_drake.split.se3 import so3_exp, so3_log, uniform_rotations
@@ -127,3 +127,23 @@ def test_counts_of_the_sampler_are_checked() -> None:
         Se3DifSampler(0, 1, 0)
     with pytest.raises(ValueError, match="still_steps=-1"):
         Se3DifSampler(1, 1, -1)
+
+
+def test_bfloat16_leaves_the_loss_and_nearly_its_gradient() -> None:
+    torch.manual_seed(0)
+    network = Se3DifNetwork()
+    points, p = torch.randn(1, CLOUD_POINTS, 3), torch.randn(8, 3)
+    R = uniform_rotations((8,), torch.Generator().manual_seed(1))
+    losses, gradients = [], []
+    for network.in_bfloat16 in (False, True):
+        network.zero_grad()
+        code = network.encode(points).expand(8, -1)
+        assert code.dtype == torch.float32
+        loss = denoising_loss(network, code, R, p, torch.Generator().manual_seed(2))
+        loss.backward()
+        losses.append(loss.item())
+        grads = [each.grad for each in network.parameters() if each.grad is not None]
+        gradients.append(torch.cat([each.flatten() for each in grads]))
+    assert losses[0] == pytest.approx(losses[1], rel=1e-3)
+    assert not torch.equal(*gradients)
+    assert torch.cosine_similarity(*gradients, dim=0) > 0.98

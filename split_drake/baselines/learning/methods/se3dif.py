@@ -10,6 +10,7 @@ from split_drake.baselines.learning.method import Lessons, Method
 from split_drake.baselines.se3dif.diffusion import denoising_loss
 from split_drake.baselines.se3dif.network import Se3DifNetwork
 from split_drake.data.dataset import SceneDataset
+from split_drake.training.precision import uses_bfloat16
 
 
 class Se3DifLessons(Lessons):
@@ -20,6 +21,7 @@ class Se3DifLessons(Lessons):
     def __init__(self, scenes: CloudScenes, segments: bool) -> None:
         self._scenes, self._segments = scenes, segments
         self.network = Se3DifNetwork()
+        self.bfloat16 = uses_bfloat16("auto", torch.device("cpu"))
 
     def __len__(self) -> int:
         return len(self._scenes)
@@ -28,8 +30,9 @@ class Se3DifLessons(Lessons):
         self, chosen: Tensor, generator: torch.Generator, training: bool
     ) -> dict[str, Tensor]:
         batch = self._scenes.draw(chosen, self._segments, generator)
-        code = self.network.encode(batch.points).repeat_interleave(GRASPS, 0)
         R, p = batch.R.flatten(0, 1), batch.p.flatten(0, 1)
+        self.network.in_bfloat16 = self.bfloat16 and training
+        code = self.network.encode(batch.points).repeat_interleave(GRASPS, 0)
         return {"denoising": denoising_loss(self.network, code, R, p, generator)}
 
 
