@@ -58,6 +58,7 @@ ROOMS = (
     "scenarios.clutter.detectors",
     "scenarios.tables",
     "scenarios.comparing",
+    "scenarios.timing",
     "scenarios",
     "scenarios.making",
     "scenarios.measuring",

@@ -113,7 +113,7 @@ def with_parameters(
 
     @lru_cache(maxsize=1)
     def loaded(path: Path) -> FoundBy:
-        from split_drake.split.one_thread import use_one_thread
+        from split_drake.split.threads import use_one_thread
 
         use_one_thread()
         return FoundBy(load(path))

@@ -17,7 +17,6 @@ from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.inference import ScenePredictor
 from split_drake.split.network import SplitNetwork
-from split_drake.split.one_thread import use_one_thread
 from split_drake.split.sampling import (
     Integrator,
     LangevinConfig,
@@ -27,6 +26,7 @@ from split_drake.split.sampling import (
     ignore,
 )
 from split_drake.split.se3 import compose, uniform_rotations
+from split_drake.split.threads import use_one_thread
 
 # Of the noise that is injected where samples are to spread, not to gather at the modes.
 WIDE_TEMPERATURE = 0.5

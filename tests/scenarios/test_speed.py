@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from scenarios import mug_hang
-from scenarios.measuring.speed import GIB, SpeedOptions, figures, main
+from scenarios.speed import SpeedOptions, main, timed_run
+from scenarios.timing.workers import GIB, figures
 from scenarios.trials.records import TrialRecord
 from split_drake.experiments.run import json_line
 from split_drake.files import write_json
@@ -67,7 +68,7 @@ def test_only_whole_runs_of_the_same_trials_are_compared(
 
     monkeypatch.setattr(mug_hang, "main", run)
     with pytest.raises(ValueError, match=match):
-        main(SpeedOptions(out=tmp_path, trials=3))
+        main(SpeedOptions(out=tmp_path, detections=0, trials=3))
     assert runs == begun
 
 
@@ -77,7 +78,7 @@ def test_a_run_that_was_killed_is_not_timed(tmp_path: Path) -> None:
     (folder / "trials.jsonl").write_text(json_line(record(0)) + "\n" + json_line(record(1)) + "\n")
     write_json(folder / "summary.json", {"wall_s": 9.0, "trials": 1})
     with pytest.raises(ValueError, match="holds 2 trials, and the time of 1: the run was killed"):
-        main(SpeedOptions(out=tmp_path, trials=3))
+        timed_run(SpeedOptions(out=tmp_path, trials=3), workers=1)
 
 
 def test_different_trials_are_not_compared() -> None:

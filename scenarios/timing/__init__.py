@@ -1,0 +1,1 @@
+"""How long detections and trials take: timed in turns, and beside each other."""
