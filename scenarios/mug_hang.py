@@ -58,6 +58,7 @@ class MugHangOptions:
             `python -m scenarios.check_meshes` refuses are left out.
         planner: by name.
         checkpoint: weights of SPLIT; those that ship with the project where not given.
+        evaluations: of SPLIT's score for a look; 16 take twice the time and do no better.
         noise_m: standard deviation of the noise on the sampled points.
         depth_noise: of the depth images themselves, which detector, planner and registration see:
             levels of `split_drake.depth_noise`.
@@ -88,6 +89,7 @@ class MugHangOptions:
     mugs: str = "test"
     planner: str = "default"
     checkpoint: Path | None = None
+    evaluations: Literal[4, 16] = 4
     noise_m: float = 0.005
     depth_noise: DepthNoiseLevel | None = None
     station: Path | None = None
@@ -132,6 +134,8 @@ class MugHangOptions:
             Shard.parse(self.shard)
         if self.planner not in planner_names():
             raise ValueError(f"--planner is {self.planner!r}; expected one of {planner_names()}")
+        if self.evaluations not in (4, 16):
+            raise ValueError(f"--evaluations is {self.evaluations}; expected 4 or 16")
         if self.checkpoint is not None and not self.checkpoint.is_file():
             raise ValueError(f"--checkpoint: there is no file {self.checkpoint}")
 
@@ -184,6 +188,7 @@ def specs_of(
             detector=options.detector,
             planner=options.planner,
             checkpoint=options.checkpoint,
+            evaluations=options.evaluations,
             noise_m=options.noise_m,
             record=options.record,
             folder=folder,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from split_drake.bad_input import BadInputError
+from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.files import Arrays, UnreadableFileError, interpreting, read_npz, replacing
 from split_drake.pose_task import MUG_TASKS, PoseTask
 from split_drake.poses import Array, check_poses, rounded_poses
@@ -135,13 +135,48 @@ class PoseDetector(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Acceptance:
+    """Which poses are accepted, by their scores.
+
+    Attributes:
+        least: what is scored lower is not accepted.
+        enough: what is scored so high is.
+        of_best: where not even the best pose is clearly better than `enough`, this share of its
+            score is enough: what is hard to see has lower scores, all of them.
+
+    Raises BadInputError where a score is not within [0, 1), or the least is more than enough.
+    """
+
+    least: float
+    enough: float
+    of_best: float = 0.9
+
+    def __post_init__(self) -> None:
+        require_numbers(self)
+        if not 0.0 <= self.least <= self.enough < 1.0 or not 0.0 <= self.of_best <= 1.0:
+            raise BadInputError(
+                f"least is {self.least}, enough {self.enough} and of_best {self.of_best}; expected "
+                "scores from 0 to below 1, no less enough than least, and a share"
+            )
+
+    def accepted(self, scores: Array) -> NDArray[np.bool_]:
+        """Return (N,) which poses are accepted, by all their scores (N,)."""
+        best = float(np.max(scores, initial=0.0))
+        bound = max(self.least, min(self.enough, self.of_best * best))
+        return np.asarray(scores >= bound)
+
+
+ALL_ACCEPTED = Acceptance(0.0, 0.0)
+
+
 @runtime_checkable
 class SamplingDetector(PoseDetector, Protocol):
-    """A detector that draws and scores poses, and accepts those above a threshold."""
+    """A detector that draws and scores poses, and accepts some of them."""
 
     @property
-    def threshold(self) -> float:
-        """The least score that is accepted."""
+    def acceptance(self) -> Acceptance:
+        """Which scores are accepted."""
         ...
 
     def sample(
@@ -152,9 +187,9 @@ class SamplingDetector(PoseDetector, Protocol):
 
 
 def accepted_poses(
-    drawn: Mapping[str, ScoredPoses], tasks: Sequence[PoseTask], threshold: float
+    drawn: Mapping[str, ScoredPoses], tasks: Sequence[PoseTask], acceptance: Acceptance
 ) -> dict[str, PoseSet]:
-    """Return the sets of those poses whose score reaches a threshold, by the tasks' names.
+    """Return the sets of those poses that are accepted, by the tasks' names.
 
     Poses and scores are rounded.  The last bits of a network's sums differ between processors, and
     a planner would make other plans of them.
@@ -163,22 +198,22 @@ def accepted_poses(
     for task in tasks:
         poses = drawn[task.name]
         scores = np.round(poses.scores, _SCORE_DECIMALS)
-        good = scores >= threshold
+        good = acceptance.accepted(scores)
         X_WPs = rounded_poses(poses.X_WPs[good], _POSITION_DECIMALS, _ROTATION_DECIMALS)
         ranked = PoseSet.ranked(task, X_WPs, scores[good])
-        found[task.name] = replace(ranked, reason=_why_none(scores, threshold))
+        found[task.name] = replace(ranked, reason=_why_none(scores, acceptance.least))
     return found
 
 
-def _why_none(scores: Array, threshold: float) -> str:
+def _why_none(scores: Array, least: float) -> str:
     """Return why no pose was accepted; nothing where one was."""
     if not len(scores):
         return "no pose was drawn"
-    if scores.max() >= threshold:
+    if scores.max() >= least:
         return ""
     return (
         f"none of {len(scores)} poses drawn was accepted: the best has a score of "
-        f"{scores.max():.3f}, the least that is accepted is {threshold:g}"
+        f"{scores.max():.3f}, the least that is accepted is {least:g}"
     )
 
 

@@ -31,7 +31,7 @@ def make_detector(spec: TrialSpec, setup: Setup, wide: bool = False) -> PoseDete
     The true poses are all there are.
     """
     if spec.detector == "split":
-        detector = _split_detector(spec.checkpoint)
+        detector = _split_detector(spec.checkpoint, spec.evaluations)
         return detector.widened() if wide else detector
     oracle = OracleDetector(
         setup.truth, setup.mug, _grasp_labels(spec.mugs, setup.mug.name, spec.folder)
@@ -74,11 +74,11 @@ def _usual_station(detector: str, checkpoint: Path | None) -> StationConfig:
 
 
 @lru_cache(maxsize=1)
-def _split_detector(checkpoint: Path | None) -> "SplitDetector":
+def _split_detector(checkpoint: Path | None, evaluations: int) -> "SplitDetector":
     """Return this process's SPLIT."""
-    from split_drake.split.detector import single_threaded_detector
+    from split_drake.split.detector import SAMPLERS, single_threaded_detector
 
-    return single_threaded_detector(checkpoint)
+    return single_threaded_detector(checkpoint, SAMPLERS[evaluations])
 
 
 @lru_cache(maxsize=64)

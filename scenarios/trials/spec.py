@@ -20,7 +20,7 @@ class TrialSpec:
         seed: of everything that the trial draws.
         mugs: that take turns by seed.
         task: to be reached.
-        detector, planner, checkpoint, noise_m, record: as in MugHangOptions.
+        detector, planner, checkpoint, noise_m, record, evaluations: as in MugHangOptions.
         folder: of the run.
         station: layout, contact and control.
         mass_kg: of every mug, where not its own.
@@ -44,6 +44,7 @@ class TrialSpec:
     feedback: bool = True
     check_plans: bool = False
     objects: int = 0
+    evaluations: int = 4
 
     def __post_init__(self) -> None:
         require_numbers(self)

@@ -8,7 +8,7 @@ import os
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from rich.console import Console
 
@@ -27,7 +27,7 @@ from split_drake.split.checkpoint import (
     load_checkpoint,
     save_checkpoint,
 )
-from split_drake.split.detector import SamplerConfig, SplitDetector
+from split_drake.split.detector import SAMPLERS, SamplerConfig, SplitDetector
 from split_drake.station.layout import Layout
 
 
@@ -85,6 +85,7 @@ class EvaluateConfig(MugEvalOptions):
         out: folder to write scenes.jsonl, metrics.json and pictures to; one that holds a part of
             this evaluation is completed.
         checkpoint: weights; those of the project by default.
+        evaluations: of the score.
         workers: processes, of one thread each.
         ship: where to write a copy of the checkpoint that records the metrics; none by default.  It
             must come from a known commit.
@@ -94,6 +95,7 @@ class EvaluateConfig(MugEvalOptions):
 
     out: Path
     checkpoint: Path | None = None
+    evaluations: Literal[4, 16] = 4
     workers: int = len(os.sched_getaffinity(0))
     ship: Path | None = None
     allow_dirty: bool = False
@@ -126,28 +128,30 @@ def require_unseen(mugs: str) -> None:
         )
 
 
-def describe_detector(checkpoint: Path, info: CheckpointInfo) -> dict[str, Any]:
-    """Return what tells the detector with these weights and default settings from others."""
+def describe_detector(
+    checkpoint: Path, info: CheckpointInfo, sampler: SamplerConfig
+) -> dict[str, Any]:
+    """Return what tells the detector with these weights and settings from others."""
     return {
         "checkpoint_sha256": file_sha256(checkpoint),
         "commit": info.commit,
         "dataset_hash": info.dataset_hash,
-        "sampler": asdict(SamplerConfig()),
+        "sampler": asdict(sampler),
     }
 
 
 def main(config: EvaluateConfig) -> None:
     """Evaluate, print tables, and write what is asked for."""
     console = Console()
-    checkpoint = config.checkpoint or default_weights()
+    checkpoint, sampler = config.checkpoint or default_weights(), SAMPLERS[config.evaluations]
     network, info = load_checkpoint(checkpoint)
     if config.ship is not None:
         require_shippable(info, config.allow_dirty)
     if not config.allow_training_data:
         require_unseen(config.mugs)
     evaluation = config.evaluation(
-        partial(SplitDetector.from_checkpoint, checkpoint),
-        describe_detector(checkpoint, info),
+        partial(SplitDetector.from_checkpoint, checkpoint, sampler),
+        describe_detector(checkpoint, info, sampler),
         info.tasks,
         Layout(workspace=info.workspace),
     )

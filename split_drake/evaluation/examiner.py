@@ -9,7 +9,7 @@ from split_drake.evaluation.judges import record_task
 from split_drake.evaluation.record import SceneRecord
 from split_drake.evaluation.scenes import EvalOptions, EvalSubject, EvalSubjects
 from split_drake.evaluation.task_records import Question, Ranking
-from split_drake.pose_set import PoseDetector, SamplingDetector, ScoredPoses
+from split_drake.pose_set import ALL_ACCEPTED, PoseDetector, SamplingDetector, ScoredPoses
 from split_drake.pose_task import PoseTask
 from split_drake.scene import Scene
 
@@ -77,11 +77,11 @@ class Examiner:
     def _rank(self, scene: Scene, rng: np.random.Generator) -> dict[str, Ranking]:
         """Return what the detector draws for each task, by the tasks' names."""
         if isinstance(self._detector, SamplingDetector):
-            threshold = self._detector.threshold
+            acceptance = self._detector.acceptance
             drawn = self._detector.sample(scene, self._tasks, rng)
-            return {name: Ranking(samples, threshold) for name, samples in drawn.items()}
+            return {name: Ranking(samples, acceptance) for name, samples in drawn.items()}
         found = self._detector.detect(scene, self._tasks, rng)
         return {
-            name: Ranking(ScoredPoses(poses.X_WPs, poses.scores), threshold=0.0)
+            name: Ranking(ScoredPoses(poses.X_WPs, poses.scores), ALL_ACCEPTED)
             for name, poses in found.items()
         }

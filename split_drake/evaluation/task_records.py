@@ -27,7 +27,7 @@ from split_drake.evaluation.judgement import (
 from split_drake.evaluation.record import Scored, TaskRecord
 from split_drake.evaluation.scenes import EvalSubject
 from split_drake.grasps.free_hand import Fault, FreeHand
-from split_drake.pose_set import ScoredPoses
+from split_drake.pose_set import Acceptance, ScoredPoses
 from split_drake.pose_task import PoseTask
 from split_drake.poses import Array
 
@@ -48,9 +48,9 @@ class Ranking:
         top: index of the top-ranked one; None without samples.
     """
 
-    def __init__(self, samples: ScoredPoses, threshold: float) -> None:
+    def __init__(self, samples: ScoredPoses, acceptance: Acceptance) -> None:
         self.samples = samples
-        self.accepted: NDArray[np.bool_] = samples.scores >= threshold
+        self.accepted = acceptance.accepted(samples.scores)
         self.top = int(np.argmax(samples.scores)) if len(samples.scores) else None
 
     def record(

@@ -58,7 +58,12 @@ class NoiseSchedule:
 
     def descending(self, steps: int) -> list[float]:
         """Return `steps` standard deviations from sigma_max down to sigma_min."""
-        return self.sigma(torch.linspace(1.0, 0.0, steps, dtype=torch.float64)).tolist()
+        return self.between(self.sigma_max, self.sigma_min, steps)
+
+    def between(self, first: float, last: float, steps: int) -> list[float]:
+        """Return `steps` standard deviations, geometric, from `first` down to `last`."""
+        shares = torch.linspace(1.0, 0.0, steps, dtype=torch.float64)
+        return (last * (first / last) ** shares).tolist()
 
 
 def move(X: Tensor, xi: Tensor, length_m: float) -> Tensor:

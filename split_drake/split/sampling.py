@@ -70,21 +70,28 @@ class LangevinConfig:
     """Annealed Langevin dynamics.
 
     Attributes:
-        steps: noisy steps, one for each sigma from the schedule's largest to its smallest.
+        steps: noisy steps, one for each sigma from `first_sigma` to `last_sigma`, which are equally
+            far apart in log sigma.
         step_scale: alpha / sigma^2 of the paper's step; 2 leads to the mean that the score points
             at, and a little more makes up for few steps.
         temperature: factor on the injected noise; 1 samples the learned density, less favours its
             modes.
         final_steps: noise-free steps at the end, each to the mean that the score points at.
-        final_sigma: noise level of those steps, within the schedule that the network was trained
-            for (`annealed_langevin` checks it).
+        final_sigma: noise level of those steps.
+        first_sigma, last_sigma: noise levels of the first and of the last noisy step; the largest
+            and the smallest that the network was trained for where not given.
+
+    All noise levels must be within the schedule that the network was trained for, which
+    `annealed_langevin` checks.
     """
 
-    steps: int = 15
+    steps: int = 3
     step_scale: float = 2.2
-    temperature: float = 0.2
+    temperature: float = 0.1
     final_steps: int = 1
-    final_sigma: float = 0.06
+    final_sigma: float = 0.1
+    first_sigma: float | None = 1.0
+    last_sigma: float | None = 0.2
 
     def __post_init__(self) -> None:
         require_numbers(self)
@@ -101,6 +108,33 @@ class LangevinConfig:
                 f"step_scale={self.step_scale}, temperature={self.temperature}, "
                 f"final_sigma={self.final_sigma}; expected > 0, >= 0 and > 0"
             )
+        for name in ("first_sigma", "last_sigma"):
+            value = getattr(self, name)
+            if value is not None:
+                require_number(name, value, 0.0, meaning="a noise level")
+
+    @property
+    def evaluations(self) -> int:
+        """How often the score is evaluated."""
+        return self.steps + self.final_steps
+
+    def sigmas(self, schedule: NoiseSchedule) -> list[float]:
+        """Return the noise level of each evaluation.
+
+        Raises ValueError where one of them is outside the schedule.
+        """
+        first = schedule.sigma_max if self.first_sigma is None else self.first_sigma
+        last = schedule.sigma_min if self.last_sigma is None else self.last_sigma
+        levels = {"first_sigma": first, "last_sigma": last}
+        if self.final_steps:
+            levels["final_sigma"] = self.final_sigma
+        for name, level in levels.items():
+            if not schedule.sigma_min <= level <= schedule.sigma_max:
+                raise ValueError(
+                    f"{name} is {level}; the score was trained for noise from "
+                    f"{schedule.sigma_min} to {schedule.sigma_max}"
+                )
+        return schedule.between(first, last, self.steps) + [self.final_sigma] * self.final_steps
 
 
 def annealed_langevin(
@@ -114,15 +148,9 @@ def annealed_langevin(
     A step is X Exp(alpha/2 score + sqrt(alpha) noise) with alpha = step_scale * sigma^2.  `score`
     returns sigma * score, so that alpha/2 score = step_scale/2 * sigma * score(...).
 
-    Raises ValueError where the final steps are at a noise level outside the schedule.
+    Raises ValueError where a step is at a noise level outside the schedule.
     """
-    schedule = process.schedule
-    if config.final_steps and not schedule.sigma_min <= config.final_sigma <= schedule.sigma_max:
-        raise ValueError(
-            f"final_sigma is {config.final_sigma}; the score was trained for noise from "
-            f"{schedule.sigma_min} to {schedule.sigma_max}"
-        )
-    sigmas = schedule.descending(config.steps) + [config.final_sigma] * config.final_steps
+    sigmas = config.sigmas(process.schedule)
     for step, sigma in enumerate(sigmas):
         process.callback(step, X)
         xi = sigma * process.score(X, sigma)

@@ -6,7 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from split_drake.pose_set import PoseSet, SamplingDetector, ScoredPoses, accepted_poses
+from split_drake.pose_set import (
+    ALL_ACCEPTED,
+    PoseSet,
+    SamplingDetector,
+    ScoredPoses,
+    accepted_poses,
+)
 from split_drake.pose_task import PoseTask, find_tasks
 from split_drake.scene import Scene
 from split_drake.split.detector import SplitDetector
@@ -17,13 +23,13 @@ class ChanceRanking:
 
     Attributes:
         tasks: that it knows.
-        threshold: of the samples' scores.
+        acceptance: of the samples' scores.
     """
 
     def __init__(self, detector: SamplingDetector, tasks: Sequence[PoseTask]) -> None:
         self._detector = detector
         self.tasks = tuple(tasks)
-        self.threshold = 0.0
+        self.acceptance = ALL_ACCEPTED
 
     def sample(
         self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
@@ -40,7 +46,7 @@ class ChanceRanking:
     ) -> dict[str, PoseSet]:
         """Return the accepted samples for each of `tasks`, by their names."""
         known = find_tasks(tasks, self.tasks, "the detector")
-        return accepted_poses(self.sample(scene, known, rng), known, self.threshold)
+        return accepted_poses(self.sample(scene, known, rng), known, self.acceptance)
 
 
 class ModelPerTask:
@@ -48,16 +54,16 @@ class ModelPerTask:
 
     Attributes:
         tasks: that it knows.
-        threshold: of the samples' scores, the same for all.
+        acceptance: of the samples' scores, the same for all.
     """
 
     def __init__(self, detectors: Mapping[PoseTask, SamplingDetector]) -> None:
-        thresholds = {detector.threshold for detector in detectors.values()}
-        if len(thresholds) != 1:
-            raise ValueError(f"the detectors have {len(thresholds)} thresholds; expected one")
+        found = {detector.acceptance for detector in detectors.values()}
+        if len(found) != 1:
+            raise ValueError(f"the detectors accept scores in {len(found)} ways; expected one")
         self._detectors = {task.name: detector for task, detector in detectors.items()}
         self.tasks = tuple(detectors)
-        self.threshold = thresholds.pop()
+        self.acceptance = found.pop()
 
     def sample(
         self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
@@ -71,7 +77,7 @@ class ModelPerTask:
     ) -> dict[str, PoseSet]:
         """Return the accepted samples for each of `tasks`, by their names."""
         known = find_tasks(tasks, self.tasks, "the detector")
-        return accepted_poses(self.sample(scene, known, rng), known, self.threshold)
+        return accepted_poses(self.sample(scene, known, rng), known, self.acceptance)
 
 
 def make_detector(weights: tuple[Path, ...], ranked: bool) -> SamplingDetector:

@@ -39,12 +39,13 @@ from split_drake.scene import Scene
 from split_drake.split.checkpoint import load_checkpoint
 from split_drake.split.detector import CLUTTER_SAMPLER, SplitDetector
 from split_drake.station.layout import Layout
-from split_drake.studies.sampler_study import Sampler
+from split_drake.studies.sampler_study import SHIPPED, SHORT, Sampler
 
 # What is told of a sampler, see `measured`.
 Row = dict[str, Any]
 
 LANGEVIN_EVALUATIONS = (25, 16, 12, 10, 8, 6, 5)
+SHORT_EVALUATIONS = (8, 6, 5, 4, 3)
 MULTISTEP_EVALUATIONS = (12, 10, 8, 6, 5)
 TEMPERATURES = (0.0, 0.5, 1.0)
 SURFACE_POINTS = 1000
@@ -74,7 +75,7 @@ class ClutterStudyConfig:
     library: Path
     out: Path
     scenes: int = 100
-    threshold: float = CLUTTER_SAMPLER.threshold
+    threshold: float = CLUTTER_SAMPLER.acceptance.least
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -130,6 +131,7 @@ def samplers() -> list[Sampler]:
     """Return the samplers that are compared."""
     return [
         *(Sampler("langevin", count) for count in LANGEVIN_EVALUATIONS),
+        *(Sampler(SHORT, count, SHIPPED.temperature) for count in SHORT_EVALUATIONS),
         *(Sampler("multistep", count) for count in MULTISTEP_EVALUATIONS),
         *(Sampler("langevin", 16, temperature) for temperature in TEMPERATURES),
     ]

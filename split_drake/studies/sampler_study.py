@@ -31,7 +31,7 @@ from split_drake.experiments.provenance import file_sha256
 from split_drake.files import write_atomically, write_json
 from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
 from split_drake.split.checkpoint import default_weights, load_checkpoint
-from split_drake.split.detector import SplitDetector
+from split_drake.split.detector import SIXTEEN_EVALUATIONS, SplitDetector
 from split_drake.split.sampling import (
     Integrator,
     LangevinConfig,
@@ -46,10 +46,13 @@ from split_drake.station.layout import Layout
 Row = dict[str, Any]
 
 EVALUATIONS = (100, 50, 25, 16, 12, 10, 8, 5)
+# Of Langevin dynamics between the noise levels that ship, which need few.
+FEW_EVALUATIONS = (16, 8, 6, 5, 4, 3, 2)
 TEMPERATURES = (0.0, 0.1, 0.2, 0.3, 0.5, 1.0)
+LONG = SIXTEEN_EVALUATIONS.langevin
 SHIPPED = LangevinConfig()
 # Marked on the plots' logarithmic axes.
-SHOWN_EVALUATIONS = (5, 8, 12, 25, 50, 100)
+SHOWN_EVALUATIONS = (2, 4, 8, 16, 50, 100)
 SHOWN_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 
 
@@ -65,12 +68,12 @@ class Sampler:
 
     integrator: str
     evaluations: int
-    temperature: float = SHIPPED.temperature
+    temperature: float = LONG.temperature
 
     @property
     def name(self) -> str:
         """A name for its folder."""
-        warmth = "" if self.temperature == SHIPPED.temperature else f"_T{self.temperature:g}"
+        warmth = "" if self.temperature == LONG.temperature else f"_T{self.temperature:g}"
         return f"{self.integrator}_{self.evaluations:03d}{warmth}"
 
     def build(self) -> Integrator:
@@ -79,6 +82,12 @@ class Sampler:
 
 
 def _langevin(sampler: Sampler) -> Integrator:
+    steps = sampler.evaluations - LONG.final_steps
+    config = replace(LONG, steps=steps, temperature=sampler.temperature)
+    return partial(annealed_langevin, config=config)
+
+
+def _short(sampler: Sampler) -> Integrator:
     steps = sampler.evaluations - SHIPPED.final_steps
     config = replace(SHIPPED, steps=steps, temperature=sampler.temperature)
     return partial(annealed_langevin, config=config)
@@ -97,8 +106,10 @@ def _predictor_corrector(sampler: Sampler) -> Integrator:
     return partial(predictor_corrector, steps=steps, temperature=sampler.temperature)
 
 
+SHORT = "langevin between less noise"
 INTEGRATORS: Mapping[str, Callable[[Sampler], Integrator]] = {
     "langevin": _langevin,
+    SHORT: _short,
     "heun": _heun,
     "multistep": _multistep,
     "predictor_corrector": _predictor_corrector,
@@ -109,6 +120,7 @@ TWICE_A_STEP = ("heun", "predictor_corrector")
 MEASURES: Mapping[str, Sequence[PoseTask]] = {
     "top_good": MUG_TASKS,
     "samples_good": MUG_TASKS,
+    "accepted_good": MUG_TASKS,
     "coverage": (GRASP,),
 }
 
@@ -143,11 +155,13 @@ def samplers() -> list[Sampler]:
     by_evaluations = [
         Sampler(name, count - 1 if name in TWICE_A_STEP and count % 2 == 0 else count)
         for name in INTEGRATORS
+        if name != SHORT
         for count in EVALUATIONS
     ]
-    shipped = Sampler("langevin", SHIPPED.steps + SHIPPED.final_steps)
-    by_temperature = [replace(shipped, temperature=value) for value in TEMPERATURES]
-    return list(dict.fromkeys([*by_evaluations, *by_temperature]))
+    few = [Sampler(SHORT, count, SHIPPED.temperature) for count in FEW_EVALUATIONS]
+    long = Sampler("langevin", LONG.evaluations)
+    by_temperature = [replace(long, temperature=value) for value in TEMPERATURES]
+    return list(dict.fromkeys([*by_evaluations, *few, *by_temperature]))
 
 
 def make_detector(checkpoint: Path, sampler: Sampler) -> SplitDetector:
@@ -221,12 +235,15 @@ def _plot_measure(axes: Axes, rows: Sequence[Row], name: str, task: str, against
 def plot_study(rows: Sequence[Row], path: Path) -> None:
     """Write how the measures follow the evaluations, the time, and the temperature."""
     columns = [(name, str(task)) for name, tasks in MEASURES.items() for task in tasks]
-    as_warm = [row for row in rows if row["temperature"] == SHIPPED.temperature]
+    as_warm = [
+        row
+        for row in rows
+        if row["temperature"] == (SHIPPED if row["integrator"] == SHORT else LONG).temperature
+    ]
     as_long = [
         row
         for row in rows
-        if (row["integrator"], row["evaluations"])
-        == ("langevin", SHIPPED.steps + SHIPPED.final_steps)
+        if (row["integrator"], row["evaluations"]) == ("langevin", LONG.evaluations)
     ]
     lines = (
         ("evaluations", "evaluations of the score", as_warm),

@@ -75,7 +75,6 @@ def test_fields_are_checked_by_what_they_are_declared_to_be() -> None:
         (lambda: SamplerConfig(samples=1.5), "samples is 1.5"),  # type: ignore[arg-type]
         (lambda: SamplerConfig(start_margin_m=math.nan), "start_margin_m is nan"),
         (lambda: SamplerConfig(start_margin_m=30.0), "start_margin_m is 30.0; .* from 0 to 1$"),
-        (lambda: SamplerConfig(threshold=math.nan), "threshold is nan"),
         (lambda: LangevinConfig(temperature=1e38), "temperature is 1e\\+38"),
         (lambda: LangevinConfig(step_scale=math.inf), "step_scale is inf"),
         (lambda: LangevinConfig(steps=2.5), "steps is 2.5"),  # type: ignore[arg-type]

@@ -9,6 +9,7 @@ import pytest
 from split_drake.bad_input import BadInputError
 from split_drake.files import UnreadableFileError, read_npz
 from split_drake.pose_set import (
+    Acceptance,
     PoseSet,
     ScoredPoses,
     accepted_poses,
@@ -126,12 +127,34 @@ def test_scores_that_reach_the_threshold_are_accepted() -> None:
         "upright": ScoredPoses(poses(1), np.array([0.1])),
         "handle": ScoredPoses(poses(1), np.array([1.0])),
     }
-    found = accepted_poses(drawn, (GRASP, UPRIGHT), 0.4)
+    found = accepted_poses(drawn, (GRASP, UPRIGHT), Acceptance(0.4, 0.4))
     assert list(found) == ["grasp", "upright"]
     assert found["grasp"].task == GRASP
     np.testing.assert_array_equal(found["grasp"].scores, [0.9, 0.4])
     np.testing.assert_array_equal(found["grasp"].X_WPs[:, 0, 3], [6.0, 0.0])
     assert len(found["upright"]) == 0
+
+
+def test_where_scores_are_low_those_near_the_best_are_accepted() -> None:
+    acceptance = Acceptance(least=0.4, enough=0.6, of_best=0.9)
+    for scores, accepted in (
+        ([0.9, 0.61, 0.59, 0.3], [True, True, False, False]),
+        ([0.5, 0.46, 0.44, 0.3], [True, True, False, False]),
+        ([0.42, 0.41, 0.39, 0.3], [True, True, False, False]),
+        ([0.39, 0.2], [False, False]),
+        ([], []),
+    ):
+        np.testing.assert_array_equal(acceptance.accepted(np.array(scores)), accepted)
+
+
+@pytest.mark.parametrize(
+    "numbers", [(-0.1, 0.5, 0.9), (0.5, 0.4, 0.9), (0.5, 1.0, 0.9), (0.1, 0.2, 1.1)]
+)
+def test_impossible_bounds_of_scores_are_refused(numbers: tuple[float, float, float]) -> None:
+    with pytest.raises(BadInputError, match="no less enough than least"):
+        Acceptance(*numbers)
+    with pytest.raises(BadInputError, match="enough is nan"):
+        Acceptance(0.1, float("nan"))
 
 
 def test_sets_of_parts_are_merged_best_first() -> None:
@@ -148,7 +171,9 @@ def test_what_is_accepted_is_rounded() -> None:
     X_WPs = make_pose(rotation_z(0.3), (0.123456, 0.2, -0.1))[None]
     drawn = {"grasp": ScoredPoses(X_WPs + 3e-7, np.array([0.7891234]))}
     again = {"grasp": ScoredPoses(X_WPs - 3e-7, np.array([0.7891239]))}
-    found, same = (accepted_poses(d, (GRASP,), 0.4)["grasp"] for d in (drawn, again))
+    found, same = (
+        accepted_poses(d, (GRASP,), Acceptance(0.4, 0.4))["grasp"] for d in (drawn, again)
+    )
     np.testing.assert_array_equal(found.X_WPs, same.X_WPs)
     np.testing.assert_array_equal(found.X_WPs[0, :3, 3], [0.1235, 0.2, -0.1])
     assert found.scores.tolist() == same.scores.tolist() == [0.789]
@@ -220,14 +245,14 @@ def test_parts_of_a_set_are_asked_for_in_numbers_that_it_has() -> None:
 
 def test_an_empty_set_says_why(tmp_path: Path) -> None:
     drawn = {GRASP.name: ScoredPoses(np.stack([np.eye(4)] * 3), np.array([0.1, 0.3, 0.2]))}
-    nothing = accepted_poses(drawn, [GRASP], 0.4)[GRASP.name]
+    nothing = accepted_poses(drawn, [GRASP], Acceptance(0.4, 0.9))[GRASP.name]
     assert nothing.reason == (
         "none of 3 poses drawn was accepted: the best has a score of 0.300, the least that is "
         "accepted is 0.4"
     )
     save_pose_sets(str(tmp_path / "poses.npz"), {GRASP.name: nothing}, np.zeros((1, 3)))
     assert load_pose_sets(tmp_path / "poses.npz")[0][GRASP.name].reason == nothing.reason
-    some = accepted_poses(drawn, [GRASP], 0.25)[GRASP.name]
+    some = accepted_poses(drawn, [GRASP], Acceptance(0.25, 0.25))[GRASP.name]
     assert (len(some), some.reason) == (1, "")
     merged = merged_pose_sets([{GRASP.name: nothing}, {GRASP.name: nothing}])[GRASP.name]
     assert merged.reason == nothing.reason

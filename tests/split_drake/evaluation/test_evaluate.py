@@ -26,7 +26,7 @@ from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
 from split_drake.scene import Workspace
 from split_drake.split.checkpoint import CheckpointInfo, default_weights, load_checkpoint
-from split_drake.split.detector import SplitDetector
+from split_drake.split.detector import SIXTEEN_EVALUATIONS, SamplerConfig, SplitDetector
 from split_drake.split.network_config import SplitConfig
 from split_drake.station.layout import Layout
 
@@ -157,10 +157,12 @@ def test_checkpoints_of_unknown_source_are_not_shipped() -> None:
 
 def test_a_detector_is_known_by_its_weights_and_settings(tmp_path: Path) -> None:
     _, provenance = load_checkpoint(default_weights())
-    described = describe_detector(default_weights(), provenance)
+    described = describe_detector(default_weights(), provenance, SamplerConfig())
     copy = tmp_path / "copy.safetensors"
     copy.write_bytes(default_weights().read_bytes())
-    assert describe_detector(copy, provenance) == described
+    assert describe_detector(copy, provenance, SamplerConfig()) == described
     copy.write_bytes(default_weights().read_bytes() + b" ")
-    assert describe_detector(copy, provenance) != described
+    assert describe_detector(copy, provenance, SamplerConfig()) != described
     assert described["sampler"]["samples"] == 256
+    longer = describe_detector(default_weights(), provenance, SIXTEEN_EVALUATIONS)
+    assert longer != described

@@ -27,7 +27,7 @@ from split_drake.evaluation.report.summary import (
 from split_drake.evaluation.scenes import EvalMugs, EvalOptions, EvalSubject
 from split_drake.experiments.run import AnotherRunError, json_line
 from split_drake.objects.scanned.mug_source import MugSource
-from split_drake.pose_set import PoseSet, ScoredPoses, accepted_poses
+from split_drake.pose_set import Acceptance, PoseSet, ScoredPoses, accepted_poses
 from split_drake.pose_task import (
     GRASP,
     HANDLE,
@@ -50,7 +50,7 @@ SAMPLES = 5
 class GuessingDetector:
     """Draws poses near the points; keeps the scenes that it was shown."""
 
-    threshold = 0.4
+    acceptance = Acceptance(0.4, 0.4)
 
     def __init__(self) -> None:
         self.seen: list[Scene] = []
@@ -72,7 +72,7 @@ class GuessingDetector:
     ) -> dict[str, PoseSet]:
         """Return the accepted ones of them."""
         known = find_tasks(tasks, MUG_TASKS, "the guess")
-        return accepted_poses(self.sample(scene, known, rng), known, self.threshold)
+        return accepted_poses(self.sample(scene, known, rng), known, self.acceptance)
 
 
 class OneMug:

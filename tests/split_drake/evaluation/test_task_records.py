@@ -19,7 +19,7 @@ from split_drake.evaluation.task_records import (
 )
 from split_drake.grasps.free_hand import GraspOutcome
 from split_drake.objects.task_object import TaskObject
-from split_drake.pose_set import ScoredPoses
+from split_drake.pose_set import Acceptance, ScoredPoses
 from split_drake.pose_task import GRASP, HANDLE, UPRIGHT, PoseTask, Symmetry, UnknownTaskError
 from split_drake.poses import Array, make_pose, rotation_x, rotation_y, rotation_z
 from tests.helpers.evaluation import standing, standing_mug
@@ -35,10 +35,10 @@ def scene(mug: EvalSubject) -> ObjectScene:
     return mug.draw(np.random.default_rng(0))
 
 
-def rank(X_WPs: Array, scores: list[float] | None = None, threshold: float = 0.3) -> Ranking:
+def rank(X_WPs: Array, scores: list[float] | None = None, least: float = 0.3) -> Ranking:
     """Return a ranking of the poses, in their order where no scores are given."""
-    ranks = np.linspace(1.0, 0.5, len(X_WPs)) if scores is None else np.array(scores)
-    return Ranking(ScoredPoses(X_WPs, ranks), threshold)
+    ranks = np.linspace(0.9, 0.5, len(X_WPs)) if scores is None else np.array(scores)
+    return Ranking(ScoredPoses(X_WPs, ranks), Acceptance(least, least))
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def test_a_peg_may_be_clear_where_the_pose_is_not_good(asked: Asked) -> None:
 
 def test_a_rejected_pose_passes_no_check_even_if_right(asked: Asked) -> None:
     X_WHs = asked.true(HANDLE)
-    record = record_handles(asked.of(HANDLE, rank(X_WHs, threshold=1.1)))
+    record = record_handles(asked.of(HANDLE, rank(X_WHs, least=0.999)))
     assert not any(record.checks.values())
     assert record.tallies == {"samples_good": (2, 2), "accepted_good": (0, 0)}
 
@@ -166,7 +166,7 @@ def test_nothing_is_tried_where_nothing_is_accepted(
 ) -> None:
     hand = CountingHand(np.zeros(3))
     monkeypatch.setitem(asked.mug.__dict__, "hand", hand)
-    ranking = rank(asked.true_grasps(), threshold=1.1)
+    ranking = rank(asked.true_grasps(), least=0.999)
     record = record_grasps(asked.of(GRASP, ranking, np.random.default_rng(0)))
     assert record.checks["top_holds"] is False
     assert record.tallies["tried_holds"] == (0, 0)

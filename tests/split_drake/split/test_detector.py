@@ -13,6 +13,7 @@ from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
+from split_drake.pose_set import ALL_ACCEPTED, Acceptance
 from split_drake.pose_task import (
     GRASP,
     MUG_TASKS,
@@ -32,14 +33,19 @@ from split_drake.split.checkpoint import (
     load_checkpoint,
     save_checkpoint,
 )
-from split_drake.split.detector import WIDE_TEMPERATURE, SamplerConfig, SplitDetector
+from split_drake.split.detector import (
+    SIXTEEN_EVALUATIONS,
+    WIDE_TEMPERATURE,
+    SamplerConfig,
+    SplitDetector,
+)
 from split_drake.split.network import SplitNetwork
 from split_drake.split.network_config import SplitConfig
 from split_drake.split.sampling import LangevinConfig, ReverseDiffusion
 from split_drake.split.stamp import known_hashes
 
 LID = PoseTask("lid", Symmetry.any_turn("z"), "z along the thread")
-SAMPLER = SamplerConfig(samples=16, langevin=LangevinConfig(steps=4), threshold=0.0)
+SAMPLER = SamplerConfig(samples=16, langevin=LangevinConfig(steps=4), acceptance=ALL_ACCEPTED)
 
 
 @pytest.fixture(scope="module")
@@ -137,22 +143,22 @@ def test_a_workspace_of_another_size_is_an_error(network: SplitNetwork) -> None:
         )
 
 
-def test_poses_below_the_threshold_are_rejected(network: SplitNetwork) -> None:
+def test_poses_with_lower_scores_are_rejected(network: SplitNetwork) -> None:
     scene, rng = make_scene(), np.random.default_rng(0)
     drawn = detector_of(network).sample(scene, (GRASP,), rng)["grasp"].scores
     scores = np.round(drawn, 3)  # as they are where they are compared
     threshold = float(np.median(scores))
-    config = SamplerConfig(samples=16, langevin=SAMPLER.langevin, threshold=threshold)
+    config = replace(SAMPLER, acceptance=Acceptance(threshold, threshold))
     detector = detector_of(network, config)
     kept = detector.detect(scene, (GRASP,), np.random.default_rng(0))["grasp"]
-    assert detector.threshold == threshold
+    assert detector.acceptance == config.acceptance
     assert len(kept) == np.count_nonzero(scores >= threshold)
     assert 0 < len(kept) < len(scores)
     assert kept.scores.min() >= threshold
 
 
 def test_all_rejected_gives_an_empty_pose_set(network: SplitNetwork) -> None:
-    config = SamplerConfig(samples=16, langevin=SAMPLER.langevin, threshold=0.999)
+    config = replace(SAMPLER, acceptance=Acceptance(0.999, 0.999))
     found = detector_of(network, config).detect(make_scene(), MUG_TASKS, np.random.default_rng(0))
     assert {name: len(pose_set) for name, pose_set in found.items()} == {
         "grasp": 0,
@@ -185,7 +191,6 @@ def test_an_integrator_takes_the_place_of_the_dynamics(network: SplitNetwork) ->
     ("make", "message"),
     [
         (lambda: SamplerConfig(samples=0), "samples is 0; expected at least 1"),
-        (lambda: SamplerConfig(threshold=1.5), "threshold is 1.5; expected a score"),
     ],
 )
 def test_impossible_sampler_options_are_errors(
@@ -346,11 +351,13 @@ def test_where_a_network_comes_from_is_kept(checkpoint: Path, network: SplitNetw
     assert load_checkpoint(checkpoint)[1] == further
 
 
-def test_a_widened_detector_differs_in_the_temperature_alone(network: SplitNetwork) -> None:
+def test_a_widened_detector_is_the_long_sampler_but_for_its_temperature(
+    network: SplitNetwork,
+) -> None:
     detector = detector_of(network, SamplerConfig(samples=7))
     wide = detector.widened()
-    langevin = replace(detector.config.langevin, temperature=WIDE_TEMPERATURE)
-    assert wide.config == replace(detector.config, langevin=langevin) != detector.config
+    langevin = replace(SIXTEEN_EVALUATIONS.langevin, temperature=WIDE_TEMPERATURE)
+    assert wide.config == replace(SIXTEEN_EVALUATIONS, samples=7, langevin=langevin)
 
 
 def test_the_scenes_of_all_ancestors_are_counted(checkpoint: Path) -> None:

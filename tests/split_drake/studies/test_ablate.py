@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import torch
 from rich.console import Console
 
 from split_drake.evaluation.evaluation import Evaluation
-from split_drake.pose_set import PoseSet, SamplingDetector, ScoredPoses, accepted_poses
+from split_drake.pose_set import Acceptance, PoseSet, SamplingDetector, ScoredPoses, accepted_poses
 from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask, UnknownTaskError, find_tasks
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights
@@ -89,7 +89,7 @@ class FixedDetector:
     """Returns `SAMPLES` poses at height `z_m`, the highest ranked first."""
 
     z_m: float = 0.0
-    threshold: float = 0.4
+    acceptance: Acceptance = field(default_factory=lambda: Acceptance(0.4, 0.4))
     asked: tuple[str, ...] = ()
 
     def sample(
@@ -104,7 +104,7 @@ class FixedDetector:
         self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
     ) -> dict[str, PoseSet]:
         known = find_tasks(tasks, MUG_TASKS, "the detector")
-        return accepted_poses(self.sample(scene, known, rng), known, self.threshold)
+        return accepted_poses(self.sample(scene, known, rng), known, self.acceptance)
 
 
 def test_without_an_evaluator_chance_ranks_all_samples() -> None:
@@ -116,7 +116,7 @@ def test_without_an_evaluator_chance_ranks_all_samples() -> None:
     assert tops != {0}, "the evaluator would rank the first sample highest"
     for name, drawn in samples.items():
         assert np.array_equal(drawn.scores, again[name].scores)
-        assert (drawn.scores >= detector.threshold).all()
+        assert detector.acceptance.accepted(drawn.scores).all()
         assert len(np.unique(drawn.scores)) == SAMPLES
     found = detector.detect(SCENE, ("handle",), np.random.default_rng(0))
     assert {name: len(pose_set) for name, pose_set in found.items()} == {"handle": SAMPLES}
@@ -132,8 +132,8 @@ def test_each_task_is_asked_of_its_own_model() -> None:
     found = together.detect(SCENE, ("upright",), np.random.default_rng(0))["upright"]
     assert found.task == MUG_TASKS[2]
     assert 0 < len(found) < SAMPLES, "some are rejected"
-    with pytest.raises(ValueError, match="2 thresholds; expected one"):
-        ModelPerTask(detectors | {MUG_TASKS[0]: FixedDetector(threshold=0.2)})
+    with pytest.raises(ValueError, match="accept scores in 2 ways; expected one"):
+        ModelPerTask(detectors | {MUG_TASKS[0]: FixedDetector(acceptance=Acceptance(0.2, 0.2))})
 
 
 @pytest.mark.parametrize(

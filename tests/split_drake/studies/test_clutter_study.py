@@ -23,7 +23,7 @@ from split_drake.studies.clutter_study import (
     missing,
     samplers,
 )
-from split_drake.studies.sampler_study import Sampler
+from split_drake.studies.sampler_study import SHORT, Sampler
 from tests.helpers.checkpoints import save_new_network
 from tests.split_drake.data.clutter.conftest import Blocks
 
@@ -82,7 +82,7 @@ def test_grasps_belong_to_the_object_that_they_are_at(scene: StudyScene) -> None
 
 def test_the_shipped_sampler_is_among_those_compared() -> None:
     langevin = CLUTTER_SAMPLER.langevin
-    shipped = Sampler("langevin", langevin.steps + langevin.final_steps, langevin.temperature)
+    shipped = Sampler(SHORT, langevin.evaluations, langevin.temperature)
     assert samplers().count(shipped) == 1
 
 
