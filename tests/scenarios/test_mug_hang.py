@@ -255,6 +255,7 @@ def test_a_folder_of_another_run_is_refused(tmp_path: Path) -> None:
         ("workers", 0, "--workers is 0"),
         ("noise_m", -0.1, "--noise-m is -0.1"),
         ("planner", "magic", r"'magic'.*default"),
+        ("evaluations", 5, "--evaluations is 5; expected 4 or 16"),
         ("checkpoint", Path("no.safetensors"), "no file no.safetensors"),
     ],
 )
