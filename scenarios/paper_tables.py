@@ -116,6 +116,17 @@ def objects_for(objects: str, scene: SceneKind) -> str:
     return str(next((folder / part for part in _PARTS if (folder / part).is_dir()), folder))
 
 
+def names_there(options: TableOptions) -> set[str]:
+    """Return the names of rows that have a cell which was run or kept."""
+    folders = [each for each in (options.out, options.kept) if each is not None and each.is_dir()]
+    return {
+        cell.name.removesuffix(f"-{scene}")
+        for folder in folders
+        for scene in SCENES
+        for cell in folder.glob(f"*-{scene}")
+    }
+
+
 def run_missing(options: TableOptions, rows: Sequence[TableRow], console: Console) -> None:
     """Run what is missing of all cells and of the mugs' figures."""
     _, _, trials = options.size
@@ -156,8 +167,11 @@ def made_table(options: TableOptions, rows: Sequence[TableRow]) -> PaperTable:
     if not found and not mugs:
         raise BadInputError(f"{options.out} holds no runs; --quick or --whole make them")
     require_comparable(found)
+    run = {cell.row.name for cell in found}
     absent = {
-        row.title: f"there is no file {missing[0]}" for row in rows if (missing := row.missing())
+        row.title: f"there is no file {missing[0]}"
+        for row in rows
+        if row.name not in run and (missing := row.missing())
     }
     return PaperTable.of(rows, found, rounds * seeds, mugs, absent)
 
@@ -183,7 +197,7 @@ def write_table(out: Path, table: PaperTable) -> None:
 def main(options: TableOptions) -> None:
     """Run what is missing where asked to, and write the tables."""
     console = Console(soft_wrap=True)
-    rows = chosen_rows(options.rows, options.authors)
+    rows = chosen_rows(options.rows, options.authors, names_there(options))
     if options.whole or options.quick:
         run_missing(options, [row for row in rows if not row.missing()], console)
     table = made_table(options, rows)

@@ -1,6 +1,6 @@
 """The rows of the paper's Table I: methods, whose weights they have, and the paper's figures."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +12,8 @@ from split_drake.models_folder import MODELS_FOLDER
 SCENES: tuple[SceneKind, ...] = ("packed", "pile")
 _WEIGHTS = MODELS_FOLDER / "weights"
 SPLIT = "split"
+# In place of a folder of weights that is not given.
+_NOWHERE = Path("--authors")
 
 
 class PaperFigure(NamedTuple):
@@ -81,17 +83,19 @@ def _authors(method: str, title: str, folder: Path) -> TableRow:
     return TableRow(f"{method}_authors", title, method, weights, paper=_PAPER[method])
 
 
-def table_rows(authors: Path | None = None) -> tuple[TableRow, ...]:
-    """Return all rows; those with the authors' weights where their folder is given.
+def table_rows(authors: Path | None = None, there: Collection[str] = ()) -> tuple[TableRow, ...]:
+    """Return all rows; those with the authors' weights where their folder is given, or they ran.
 
-    It holds vgn_packed.pt, vgn_pile.pt, giga_packed.pt and giga_pile.pt.
+    Args:
+        authors: folder of vgn_packed.pt, vgn_pile.pt, giga_packed.pt and giga_pile.pt.
+        there: names of rows that have cells already.
     """
-    published: tuple[TableRow, ...] = ()
-    if authors is not None:
-        published = (
-            _authors("vgn", "VGN, weights of GIGA's authors", authors),
-            _authors("giga", "GIGA, its authors' weights", authors),
-        )
+    titles = {"vgn": "VGN, weights of GIGA's authors", "giga": "GIGA, its authors' weights"}
+    published = tuple(
+        _authors(method, title, authors or _NOWHERE)
+        for method, title in titles.items()
+        if authors is not None or f"{method}_authors" in there
+    )
     return (
         _trained_here("vgn", "VGN, trained here", "vgn.safetensors"),
         _trained_here("giga", "GIGA, trained here", "giga.safetensors"),
@@ -105,16 +109,19 @@ def table_rows(authors: Path | None = None) -> tuple[TableRow, ...]:
     )
 
 
-def chosen_rows(names: tuple[str, ...], authors: Path | None) -> tuple[TableRow, ...]:
-    """Return the rows of those names, all where none is named.
+def chosen_rows(
+    names: tuple[str, ...], authors: Path | None, there: Collection[str] = ()
+) -> tuple[TableRow, ...]:
+    """Return the rows of those names, all where none is named; `there` have cells already.
 
-    Raises BadInputError naming one that is unknown, or the weights that one which was named lacks.
+    Raises BadInputError naming one that is unknown, or the weights that one which was named and has
+    no cells lacks.
     """
-    rows = table_rows(authors)
+    rows = table_rows(authors, there)
     known = {row.name: row for row in rows}
     for name in names:
         if name not in known:
             raise BadInputError(f"--rows has {name!r}; expected some of {', '.join(known)}")
-        if missing := known[name].missing():
+        if name not in there and (missing := known[name].missing()):
             raise BadInputError(f"--rows has {name!r}, but there is no file {missing[0]}")
     return tuple(row for row in rows if not names or row.name in names)

@@ -9,7 +9,7 @@ import pytest
 
 from scenarios import paper_tables
 from scenarios.clutter.records import GraspRecord, Removal, RoundRecord
-from scenarios.paper_tables import TableOptions, made_table, write_table
+from scenarios.paper_tables import TableOptions, made_table, names_there, write_table
 from scenarios.tables.cells import Cell, cell_folder, keep_cells, read_cell, require_comparable
 from scenarios.tables.comparison import compare
 from scenarios.tables.markdown import clutter_table, comparison_table, mug_table
@@ -215,6 +215,18 @@ def test_rows_that_cannot_be_run_are_named(tmp_path: Path) -> None:
     keep(tmp_path, "split", 0.8)
     table = made_table(options(tmp_path), table_rows(tmp_path))
     assert "there is no file" in table.left_out["GIGA, its authors' weights"]
+
+
+def test_rows_that_ran_are_shown_without_their_weights(tmp_path: Path) -> None:
+    keep(tmp_path, "giga_authors", 0.6)
+    there = names_there(options(tmp_path / "new", kept=tmp_path))
+    assert there == {"giga_authors"}
+    (row,) = chosen_rows(("giga_authors",), None, there)
+    assert "vgn_authors" not in {each.name for each in table_rows(None, there)}
+    table = made_table(options(tmp_path / "new", kept=tmp_path), [row])
+    assert table.left_out == {} and "giga_authors-packed" in str(sorted(tmp_path.iterdir()))
+    with pytest.raises(BadInputError, match="--rows has 'giga_authors'; expected"):
+        chosen_rows(("giga_authors",), None)
 
 
 def test_missing_rounds_are_run_and_the_table_written(
