@@ -28,7 +28,7 @@ from split_drake.scene import Scene, Workspace
 from split_drake.sensing.camera_file import read_cameras
 from split_drake.sensing.cloud_file import read_cloud
 from split_drake.sensing.scene_report import measured_points, report_of
-from split_drake.sensing.table_noise import above_noise_of, scene_above_noise
+from split_drake.sensing.table_noise import above_noise_of, above_table_noise, scene_above_noise
 
 _HEADS = ("object", "middle (m)", "task", "poses", "best score", "why none")
 
@@ -80,8 +80,23 @@ class DetectOptions:
             raise BadInputError(f"--tasks are {list(self.tasks)}; expected one at least, each once")
 
 
-def read_scene(options: DetectOptions) -> tuple[Scene, Array]:
-    """Return the scene that the files show, and all points (N, 3) in W that were measured.
+@dataclass(frozen=True)
+class SeenScene:
+    """What the files show.
+
+    Attributes:
+        scene: of it.
+        measured: (N, 3) all points that were measured, in W.
+        counted: the workspace with the clearance up to which they counted as table.
+    """
+
+    scene: Scene
+    measured: Array
+    counted: Workspace
+
+
+def read_scene(options: DetectOptions) -> SeenScene:
+    """Return the scene that the files show.
 
     Raises BadInputError where a file cannot be used, and EmptySceneError where none shows anything
     in the workspace.
@@ -89,8 +104,9 @@ def read_scene(options: DetectOptions) -> tuple[Scene, Array]:
     if options.cloud is not None:
         points = read_cloud(options.cloud)
         workspace = _workspace(options, None)
-        scene = Scene.from_points(points, above_noise_of(workspace, points))
-        return replace(scene, workspace=workspace), points
+        counted = above_noise_of(workspace, points)
+        scene = Scene.from_points(points, counted)
+        return SeenScene(replace(scene, workspace=workspace), points, counted)
     assert options.camera is not None
     file = read_cameras(options.camera)
     if len(file.cameras) != len(options.depth):
@@ -101,7 +117,9 @@ def read_scene(options: DetectOptions) -> tuple[Scene, Array]:
     masks = options.mask or (None,) * len(options.depth)
     shots = zip(file.cameras, options.depth, masks, strict=True)
     views = [camera.view(image, mask) for camera, image, mask in shots]
-    return scene_above_noise(views, _workspace(options, file.workspace)), measured_points(views)
+    workspace = _workspace(options, file.workspace)
+    scene, counted = scene_above_noise(views, workspace), above_table_noise(workspace, views)
+    return SeenScene(scene, measured_points(views), counted)
 
 
 def _workspace(options: DetectOptions, of_file: Workspace | None) -> Workspace:
@@ -146,13 +164,13 @@ def main(options: DetectOptions) -> Path:
     # PyTorch takes a second to load.
     from split_drake.split.detector import single_threaded_detector
 
-    scene, measured = read_scene(options)
+    seen = read_scene(options)
     detector = single_threaded_detector(options.checkpoint)
-    found = find_poses(scene, detector, options.tasks, np.random.default_rng(options.seed))
-    facts = report_of(scene, measured).facts()
+    found = find_poses(seen.scene, detector, options.tasks, np.random.default_rng(options.seed))
+    facts = report_of(seen.scene, seen.measured, seen.counted).facts()
     out = options.out or Path("runs/detect") / time.strftime("%Y%m%d-%H%M%S")
     with claim_folder(out, {"detect": _asked(options)}):
-        _write(out, scene, found, facts)
+        _write(out, seen.scene, found, facts)
     console = Console(soft_wrap=True)
     for fact in facts:
         console.print(fact)

@@ -9,7 +9,6 @@ from split_drake.camera import DepthView
 from split_drake.objects_in_view import objects_in_view
 from split_drake.poses import Array
 from split_drake.scene import Scene, Workspace
-from split_drake.sensing.table_noise import above_noise_of, table_noise_m
 
 # A table is what covers this share of the cube's footprint, in cells, within a layer so thick.
 _CELL_M, _COVER, _LAYER_M = 0.01, 0.3, 0.006
@@ -51,17 +50,25 @@ class SceneReport:
         return [numbers, *self.warnings]
 
 
-def report_of(scene: Scene, measured: Array) -> SceneReport:
-    """Return the report of a scene that was made of the points `measured` (N, 3), metres in W."""
+def report_of(scene: Scene, measured: Array, counted: Workspace | None = None) -> SceneReport:
+    """Return the report of a scene.
+
+    Args:
+        scene: of it.
+        measured: (N, 3) points that it was made of, metres in W.
+        counted: the workspace with the clearance up to which points counted as table; the scene's
+            own where not given.
+    """
+    counted = counted or scene.workspace
     measured = measured[np.isfinite(measured).all(axis=1)]
     objects = len(objects_in_view(scene.p_WPs))
     return SceneReport(
         len(measured),
-        int((measured[:, 2] > scene.workspace.lowest_z_m).sum()),
+        int((measured[:, 2] > counted.lowest_z_m).sum()),
         len(scene.p_WPs),
         int(scene.grid().sum()),
         objects,
-        tuple(_warnings(scene, measured, objects)),
+        tuple(_warnings(scene, measured, objects, counted)),
     )
 
 
@@ -101,7 +108,7 @@ def _cover(cells: np.ndarray, layer: np.ndarray, first: int, across: int) -> flo
     return len(np.unique(cells[_within(layer, first)], axis=0)) / across**2
 
 
-def _warnings(scene: Scene, measured: Array, objects: int) -> Iterator[str]:
+def _warnings(scene: Scene, measured: Array, objects: int, counted: Workspace) -> Iterator[str]:
     workspace = scene.workspace
     for index, view in enumerate(scene.views):
         if not view.depth_m.any():
@@ -112,12 +119,11 @@ def _warnings(scene: Scene, measured: Array, objects: int) -> Iterator[str]:
             f"the table seems to be at z = {table_z:.3f} m, the workspace has it at "
             f"{workspace.p_WCenter[2]:.3f} m: check the cameras' poses, or the workspace's center"
         )
-    raised = above_noise_of(workspace, measured)
-    if raised != workspace:
+    if counted.table_clearance_m > workspace.table_clearance_m:
         yield (
-            f"the table's height spreads by {1e3 * table_noise_m(workspace, measured):.1f} mm in "
-            f"what was measured: what is lower than {1e3 * raised.table_clearance_m:.0f} mm above "
-            "it counts as table"
+            "the table is noisy: what is lower than "
+            f"{1e3 * counted.table_clearance_m:.0f} mm above it counts as table, in place of "
+            f"{1e3 * workspace.table_clearance_m:.0f} mm"
         )
     if objects > 1:
         yield f"{objects} objects are in view; each is looked at alone"

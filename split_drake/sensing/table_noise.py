@@ -15,20 +15,27 @@ _BELOW_M = 0.03
 _STRIDE_PX = 3
 # Fewer points than this measure no noise.
 _LEAST_POINTS = 500
-# A clearance of so many standard deviations leaves about one point in 30,000 above it.
-_DEVIATIONS = 4.0
-# Of the lower half of a normal distribution: its median and its hundredth part, in deviations.
-_HALF_MEDIAN, _HALF_TAIL = 0.6745, 2.5758
+# A clearance of so many standard deviations leaves about one point in 300,000 above it.
+_DEVIATIONS = 4.5
+# Noise that asks for more is no noise of a table, and would cost too much of what stands there.
+_MOST_CLEARANCE_M = 0.02
+# Depth in whole millimetres looks like a millimetre of noise: less than so many times the clearance
+# that is there raises nothing.
+_WORTH = 1.5
+# The quarters of the lower half of a normal distribution, in deviations.  Strays, such as flying
+# pixels, are few and further out.
+_QUARTERS, _DEVIATIONS_BETWEEN = (0.25, 0.75), 1.1503 - 0.3186
 
 
 def above_table_noise(workspace: Workspace, views: Sequence[DepthView]) -> Workspace:
     """Return the workspace with its clearance raised above the noise that the table shows.
 
-    It stays as it is where that is less, or where too little of the table is seen.
+    That is the noise of the worst view: cameras that disagree about the table's height are no
+    noise.  The workspace stays as it is where that is less, or too little of the table is seen.
     """
     lowest_m = workspace.p_WCenter[2] - _BELOW_M
-    shown = [view.points(lowest_m, _STRIDE_PX) for view in views]
-    return above_noise_of(workspace, np.concatenate([np.empty((0, 3)), *shown]))
+    stds = [table_noise_m(workspace, view.points(lowest_m, _STRIDE_PX)) for view in views]
+    return _raised(workspace, max(stds, default=0.0))
 
 
 def scene_above_noise(views: Sequence[DepthView], workspace: Workspace) -> Scene:
@@ -43,24 +50,29 @@ def scene_above_noise(views: Sequence[DepthView], workspace: Workspace) -> Scene
 
 def above_noise_of(workspace: Workspace, measured: Array) -> Workspace:
     """Return the workspace as `above_table_noise` does, by points (N, 3) in W, table included."""
-    clearance_m = _DEVIATIONS * table_noise_m(workspace, measured)
-    if clearance_m <= workspace.table_clearance_m:
+    return _raised(workspace, table_noise_m(workspace, measured))
+
+
+def _raised(workspace: Workspace, std_m: float) -> Workspace:
+    clearance_m = min(_DEVIATIONS * std_m, _MOST_CLEARANCE_M)
+    if clearance_m <= _WORTH * workspace.table_clearance_m:
         return workspace
-    most_m = workspace.edge_m - workspace.depth_below_m
-    return replace(workspace, table_clearance_m=min(clearance_m, 0.5 * most_m))
+    most_m = 0.5 * (workspace.edge_m - workspace.depth_below_m)
+    raised_m = max(min(clearance_m, most_m), workspace.table_clearance_m)
+    return replace(workspace, table_clearance_m=raised_m)
 
 
 def table_noise_m(workspace: Workspace, measured: Array) -> float:
     """Return the standard deviation of the table's height in points (N, 3) in W; 0 where unknown.
 
-    Points below the table's plane alone are looked at, and how they spread: objects stand above,
-    and a table that lies lower as a whole is no noise.
+    Points below the table's plane alone are looked at, and how the middle half of them spreads:
+    objects stand above, a table that lies lower as a whole is no noise, and strays are few.
     """
     offsets = measured - workspace.p_WCenter
-    beside = np.abs(offsets[:, :2]).max(axis=1) < workspace.edge_m / 2.0
+    beside = np.abs(offsets[:, :2]).max(axis=1, initial=0.0) < workspace.edge_m / 2.0
     heights = offsets[beside, 2]
     below = heights[(heights < 0.0) & (heights > -_BELOW_M)]
     if len(below) < _LEAST_POINTS:
         return 0.0
-    median, tail = np.quantile(below, (0.5, 0.01))
-    return float((median - tail) / (_HALF_TAIL - _HALF_MEDIAN))
+    low, high = np.quantile(below, _QUARTERS)
+    return float((high - low) / _DEVIATIONS_BETWEEN)
