@@ -26,7 +26,7 @@ from split_drake.files import interpreting, read_json_object, write_json
 
 THREADS = (1, 2)
 # What may differ when runs go on: it changes no trial.
-_FREE_KEYS = ("detections", "trials", "against")
+_FREE_KEYS = ("detections", "trials", "against", "out")
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class SpeedOptions:
         detections: how often each kind of detection is timed; 0 to leave them out.
         trials: in each run; 0 to leave them out.
         seed: of the first trial.
-        detector: as in mug_hang; SPLIT where commits are compared.
+        detector: as in mug_hang; SPLIT alone where commits are compared.
         against: a commit whose trials are timed beside those of this code, in place of those by
             two workers.
     """
@@ -56,6 +56,10 @@ class SpeedOptions:
             require_count(f"--{name}", getattr(self, name))
         if self.against is not None and not self.trials:
             raise BadInputError("--against compares trials, --trials is 0; expected 1 at least")
+        if self.against is not None and self.detector != "split":
+            raise BadInputError(
+                f"--against compares trials of SPLIT, --detector is {self.detector!r}; leave it out"
+            )
 
 
 def timed_run(options: SpeedOptions, workers: int) -> tuple[list[TrialRecord], float]:
@@ -106,7 +110,7 @@ def _timed_trials(folder: Path) -> int:
 def detection_table(speeds: Sequence[DetectionSpeed]) -> Table:
     """Return what detections take, and how much of the time of VGN's planner that is."""
     heads = [f"{each.threads} thread{'s' * (each.threads > 1)}, ms" for each in speeds]
-    table = Table("detection", *heads, "of VGN's", f"{THREADS[1]} threads faster by")
+    table = Table("detection", *heads, "of VGN's", f"{speeds[-1].threads} threads faster by")
     for name in speeds[0].seconds:
         taken = [each.seconds[name] for each in speeds]
         shares = "" if name == VGN else ", ".join(f"{each.ratio(name):.2f}" for each in speeds)
@@ -128,10 +132,11 @@ def comparison_table(compared: CommitComparison, against: str) -> Table:
     """Return what planning and execution take by both commits, and how trials end."""
     low, high = compared.ratio_95
     table = Table("", "this code", against)
-    both = (compared.ours, compared.theirs)
-    means = (sum(each.seconds for each in trials.values()) / len(trials) for trials in both)
+    means = (float(seconds.mean()) for seconds in compared.seconds())
     table.add_row("planning and execution, mean s", *(f"{mean:.2f}" for mean in means))
     table.add_row("of the other's time", f"{compared.ratio:.2f} [{low:.2f}, {high:.2f}]", "")
+    table.add_row("of trials that both executed", str(len(compared.timed)), "")
+    both = (compared.ours, compared.theirs)
     counts = (f"{sum(t.succeeded for t in trials.values())}/{len(trials)}" for trials in both)
     table.add_row("trials that succeed", *counts)
     table.add_row("McNemar's p", f"{compared.mcnemar_p:.2f}", "")
@@ -144,28 +149,28 @@ def main(options: SpeedOptions) -> None:
     console.print(f"on {processor()}", markup=False, highlight=False)
     config = as_json(asdict(options)) | code_version()
     with claim_folder(options.out, config, _FREE_KEYS):
-        written: dict[str, object] = {"processor": processor()}
         if options.detections:
             speeds = detection_speeds(THREADS, options.detections)
             console.print(detection_table(speeds))
-            written["detections"] = {each.threads: dict(each.seconds) for each in speeds}
+            _keep(options.out, "detections", {each.threads: dict(each.seconds) for each in speeds})
         if options.trials and options.against is None:
             alone, alone_wall_s = timed_run(options, workers=1)
             found = figures(alone, alone_wall_s, *timed_run(options, workers=2))
             console.print(trial_table(found))
-            written["trials"] = {each.name: each.value for each in found}
+            _keep(options.out, "trials", {each.name: each.value for each in found})
         if options.trials and options.against is not None:
             seeds = range(options.seed, options.seed + options.trials)
             with checked_out(options.against) as theirs:
-                compared = compare_commits(theirs, seeds, options.out / options.against)
+                compared = compare_commits(theirs.tree, seeds, options.out / theirs.commit)
             console.print(comparison_table(compared, options.against))
-            written["against"] = {
-                "commit": options.against,
-                "ratio": compared.ratio,
-                "ratio_95": compared.ratio_95,
-                "mcnemar_p": compared.mcnemar_p,
-            }
-        write_json(options.out / "speed.json", written)
+            _keep(options.out, f"against {theirs.commit}", compared.figures())
+
+
+def _keep(out: Path, name: str, found: object) -> None:
+    """Put what was measured into speed.json, beside what is there."""
+    path = out / "speed.json"
+    there = read_json_object(path, "what was timed") if path.exists() else {}
+    write_json(path, {**there, "processor": processor(), name: found})
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Perceived points against arm, hand and each other, for a batch of postures at once."""
 
 from collections.abc import Iterable
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ def hand_clear(X_WGs: Array, p_WPs: Array, boxes: Iterable[Box]) -> BoolArray:
 
 
 def arm_clear(X_WLs: Array, p_WPs: Array, last_link: int) -> BoolArray:
-    """Return (B,): whether links 0 to `last_link` are clear of points (N, 3) or (B, N, 3).
+    """Return (B,): whether links 0 to `last_link` are clear of points (N, 3) or (B, N, 3), N > 0.
 
     Capsules that the points' bounding sphere shows to be far away are not looked at closer.
 
@@ -64,6 +65,7 @@ def arm_clear(X_WLs: Array, p_WPs: Array, last_link: int) -> BoolArray:
     return clear
 
 
+@cache
 def _capsules_up_to(last_link: int) -> tuple[NDArray[np.intp], Array, Array]:
     """Return the arm's capsules up to a link: their links (C,), ends (C, 2, 3) and radii (C,)."""
     chosen = [(link, capsule) for link, capsule in arm_capsules() if link <= last_link]
@@ -73,7 +75,7 @@ def _capsules_up_to(last_link: int) -> tuple[NDArray[np.intp], Array, Array]:
 
 
 def apart(p_WPs: Array, p_WStanding: Array) -> BoolArray:
-    """Return (B,): whether held points (B, N, 3) are clear of standing ones (M, 3)."""
+    """Return (B,): whether held points (B, N, 3) are clear of standing ones (M, 3), M > 0."""
     gap_m = 2.0 * POINT_RADIUS_M
     lower, upper = p_WStanding.min(axis=0) - gap_m, p_WStanding.max(axis=0) + gap_m
     near = ((p_WPs >= lower) & (p_WPs <= upper)).all(axis=-1)

@@ -140,23 +140,22 @@ class _Handling:
 
     def _let_go(self, whole: ExecutionResult) -> PickOutcome:
         """Note an attempt that went to its end, and whether the object stayed where it was put."""
-        fallen = self._fallen()
-        if fallen is None:
-            self._note(self._plan, whole)
+        looked = self._looked_after(whole)
+        self._note(self._plan, looked)
+        if looked.completed:
             return PickOutcome(tuple(self._attempts), home=False)
-        reason = f"the object fell: something lies at ({fallen[0]:.2f}, {fallen[1]:.2f}) m now"
-        self._note(
-            self._plan, replace(whole, completed=False, stage=Stage.PLACEMENT, reason=reason)
-        )
         return self._ended("left it there", free=True)
 
-    def _fallen(self) -> Array | None:
-        """Return where the object lies if it fell, as far as a look tells."""
+    def _looked_after(self, done: ExecutionResult) -> ExecutionResult:
+        """Return an execution that went to its end; one that failed if the object fell after it."""
         if not self._handler.limits.looks_after:
-            return None
-        seen = self._perception
+            return done
         robot, layout = self._executor.robot, self._handler.layout
-        return fallen_object(robot, layout, self._taking, seen.p_WPs, seen.p_WObstacles)
+        fallen = fallen_object(robot, layout, self._taking, self._perception)
+        if fallen is None:
+            return done
+        reason = f"the object fell: something lies at ({fallen[0]:.2f}, {fallen[1]:.2f}) m now"
+        return replace(done, completed=False, stage=Stage.PLACEMENT, reason=reason)
 
     def _place(self) -> ExecutionResult:
         """Execute the rest of the plan; what is let go is lowered on where nothing was felt.
@@ -252,9 +251,13 @@ class _Handling:
         """
         out = self._recovery.eased_out(self._plan.place, placed)
         recovery = "eased the hand out" if out.completed else _CAUGHT
-        to_go_home = out.completed and self._plan.subgoal.goes_home
+        free = out.completed
+        if free:
+            out = self._looked_after(out)
+        # It stays beside what hangs, which may swing, and nowhere else.
+        to_go_home = free and (self._plan.subgoal.goes_home or not out.completed)
         home = to_go_home and self._go_home()
-        if to_go_home and not home:
+        if to_go_home and out.completed and not home:
             out = replace(out, completed=False, stage=Stage.PLACEMENT, reason=_NO_WAY_HOME)
         self._note(self._plan, replace(out, logs=before.logs + out.logs), recovery)
         return PickOutcome(tuple(self._attempts), home)

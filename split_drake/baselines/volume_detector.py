@@ -18,7 +18,6 @@ class VolumeDetector(ABC):
     Attributes:
         tasks: grasps alone.
         name: of the method, for messages.
-        threshold: the least quality that is accepted.
 
     Args:
         selection: how grasps are chosen.
@@ -29,7 +28,6 @@ class VolumeDetector(ABC):
 
     def __init__(self, selection: SelectionConfig) -> None:
         self._selection = selection
-        self.threshold = selection.least
 
     @abstractmethod
     def predict(self, field: Volume) -> VolumeGrasps:

@@ -105,6 +105,8 @@ class EvaluateConfig(MugEvalOptions):
         super().__post_init__()
         if self.workers < 1:
             raise ValueError(f"workers is {self.workers}; expected at least 1")
+        if self.evaluations not in SAMPLERS:
+            raise ValueError(f"evaluations is {self.evaluations}; expected 4 or 16")
 
 
 def require_shippable(info: CheckpointInfo, allow_dirty: bool) -> None:

@@ -32,12 +32,12 @@ from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import claim_folder
 from split_drake.files import read_json, write_atomically, write_json
 from split_drake.grasps.clutter_judge import ClutterJudge
-from split_drake.pose_set import ScoredPoses
+from split_drake.pose_set import Acceptance, ScoredPoses
 from split_drake.pose_task import GRASP
 from split_drake.poses import Array, transform_points
 from split_drake.scene import Scene
 from split_drake.split.checkpoint import load_checkpoint
-from split_drake.split.detector import CLUTTER_SAMPLER, SplitDetector
+from split_drake.split.detector import CLUTTER_SAMPLER, EIGHT_EVALUATIONS, SplitDetector
 from split_drake.station.layout import Layout
 from split_drake.studies.sampler_study import SHIPPED, SHORT, Sampler
 
@@ -67,7 +67,6 @@ class ClutterStudyConfig:
         library: file of `split_drake.data.clutter.library`, of the training objects.
         out: folder to write to.
         scenes: that every sampler meets.
-        threshold: grasps that are scored lower are not accepted.
         seed: of the scenes and all draws.
     """
 
@@ -75,15 +74,12 @@ class ClutterStudyConfig:
     library: Path
     out: Path
     scenes: int = 100
-    threshold: float = CLUTTER_SAMPLER.acceptance.least
     seed: int = 0
 
     def __post_init__(self) -> None:
         require_numbers(self)
         if self.scenes < 1:
             raise ValueError(f"--scenes is {self.scenes}; expected 1 or more")
-        if not 0.0 <= self.threshold <= 1.0:
-            raise ValueError(f"--threshold is {self.threshold}; expected 0 to 1")
 
     def record(self) -> dict[str, Any]:
         """Return what the figures depend on."""
@@ -91,7 +87,6 @@ class ClutterStudyConfig:
             "checkpoint": file_sha256(self.checkpoint),
             "library": file_sha256(self.library),
             "scenes": self.scenes,
-            "threshold": self.threshold,
             "seed": self.seed,
             **code_version(),
         }
@@ -146,7 +141,7 @@ def drawn_scenes(config: ClutterStudyConfig, layout: Layout) -> list[StudyScene]
     return [StudyScene(each.scene.with_noise(NOISE_M, rng), each) for each in scenes]
 
 
-def figures(scene: StudyScene, sampled: ScoredPoses, threshold: float) -> dict[str, float]:
+def figures(scene: StudyScene, sampled: ScoredPoses, acceptance: Acceptance) -> dict[str, float]:
     """Return what samples of one scene are worth.
 
     samples_good: share of all samples that hold; accepted: share that is accepted; accepted_good:
@@ -154,7 +149,7 @@ def figures(scene: StudyScene, sampled: ScoredPoses, threshold: float) -> dict[s
     scene's objects with a sample that is accepted and holds.
     """
     good = scene.judge.check(sampled.X_WPs).good
-    accepted = sampled.scores >= threshold
+    accepted = acceptance.accepted(sampled.scores)
     reached = scene.objects_of(sampled.X_WPs[good & accepted]) if (good & accepted).any() else ()
     best = int(np.argmax(sampled.scores))
     return {
@@ -166,14 +161,14 @@ def figures(scene: StudyScene, sampled: ScoredPoses, threshold: float) -> dict[s
     }
 
 
-def measured(detector: SplitDetector, scenes: Sequence[StudyScene], threshold: float) -> Row:
+def measured(detector: SplitDetector, scenes: Sequence[StudyScene]) -> Row:
     """Return the means of `figures` over scenes, where they are defined, and seconds a scene."""
     found, seconds = [], []
     for number, scene in enumerate(scenes):
         began = perf_counter()
         sampled = detector.sample(scene.seen, (GRASP,), np.random.default_rng(number))
         seconds.append(perf_counter() - began)
-        found.append(figures(scene, sampled[GRASP.name], threshold))
+        found.append(figures(scene, sampled[GRASP.name], detector.acceptance))
     means = {name: float(np.nanmean([each[name] for each in found])) for name in found[0]}
     return {**means, "sample_s": median(seconds)}
 
@@ -209,7 +204,7 @@ def page_of(rows: Sequence[Row], config: ClutterStudyConfig) -> RunPage:
         }
         for row in rows
     ]
-    facts = {"scenes": config.scenes, "threshold": config.threshold, "seed": config.seed}
+    facts = {"scenes": config.scenes, "seed": config.seed}
     settings = ("integrator", "evaluations", "temperature")
     return study_page(
         "samplers on clutter", shown, settings, {**facts, **made_with()}, records=rows
@@ -225,8 +220,9 @@ def main(config: ClutterStudyConfig) -> None:
         rows: list[Row] = read_json(path, "the rows of a study") if path.exists() else []
         scenes = drawn_scenes(config, Layout(workspace=info.workspace))
         for sampler in missing(rows):
-            detector = SplitDetector(network, info.workspace, integrator=sampler.build())
-            rows.append({**asdict(sampler), **measured(detector, scenes, config.threshold)})
+            shipped = CLUTTER_SAMPLER if sampler.integrator == SHORT else EIGHT_EVALUATIONS
+            detector = SplitDetector(network, info.workspace, shipped, integrator=sampler.build())
+            rows.append({**asdict(sampler), **measured(detector, scenes)})
             write_json(path, rows)
             console.print(table_of(rows[-1:]))
         write_atomically(config.out / "index.html", render(page_of(rows, config)))

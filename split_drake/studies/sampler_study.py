@@ -31,7 +31,7 @@ from split_drake.experiments.provenance import file_sha256
 from split_drake.files import write_atomically, write_json
 from split_drake.pose_task import GRASP, MUG_TASKS, PoseTask
 from split_drake.split.checkpoint import default_weights, load_checkpoint
-from split_drake.split.detector import SIXTEEN_EVALUATIONS, SplitDetector
+from split_drake.split.detector import SIXTEEN_EVALUATIONS, SamplerConfig, SplitDetector
 from split_drake.split.sampling import (
     Integrator,
     LangevinConfig,
@@ -106,7 +106,7 @@ def _predictor_corrector(sampler: Sampler) -> Integrator:
     return partial(predictor_corrector, steps=steps, temperature=sampler.temperature)
 
 
-SHORT = "langevin between less noise"
+SHORT = "short_langevin"
 INTEGRATORS: Mapping[str, Callable[[Sampler], Integrator]] = {
     "langevin": _langevin,
     SHORT: _short,
@@ -165,9 +165,10 @@ def samplers() -> list[Sampler]:
 
 
 def make_detector(checkpoint: Path, sampler: Sampler) -> SplitDetector:
-    """Return a detector that samples by `sampler`."""
+    """Return a detector that samples by `sampler`, and accepts what ships with such a sampler."""
     network, info = load_checkpoint(checkpoint)
-    return SplitDetector(network, info.workspace, integrator=sampler.build())
+    config = SamplerConfig() if sampler.integrator == SHORT else SIXTEEN_EVALUATIONS
+    return SplitDetector(network, info.workspace, config, integrator=sampler.build())
 
 
 def measure(config: StudyConfig, sampler: Sampler, console: Console) -> Row:

@@ -14,7 +14,7 @@ from planning.goals.upright import SUBGOAL as REORIENT
 from planning.handling.attempts import AttemptLimits, Perception
 from planning.handling.handler import Handler, PickOutcome
 from planning.handling.held_view import HeldView
-from planning.problem import Plan, PlanFailure, PlanningProblem, Segment, Stage
+from planning.problem import Plan, PlanFailure, PlanningProblem, Segment, SegmentName, Stage
 from split_drake.poses import Array
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.scene import Scene, Workspace
@@ -72,3 +72,14 @@ def blocking_floor_m() -> float:
     """Return a height that the gripper goes through on the way in."""
     insertion = reorient_plan().place[1].trajectory
     return float(np.mean([gripper_pose(q)[2, 3] for q in insertion.qs[[0, -1]]]))
+
+
+def catch(robot: PerfectRobot, normal_W: tuple[float, float, float]) -> Callable[[Segment], None]:
+    """Return what catches the robot's hand on a wall once it has begun to draw back."""
+
+    def on_step(segment: Segment) -> None:
+        if segment.name is SegmentName.RETREAT and robot.floor_m == -np.inf:
+            robot.normal_W = normal_W
+            robot.floor_m = float(np.dot(normal_W, gripper_pose(robot.q)[:3, 3]))
+
+    return on_step

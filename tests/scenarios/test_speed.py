@@ -1,11 +1,15 @@
 """The figures of the speed command, from records whose times are known."""
 
+import json
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
 from scenarios import mug_hang
 from scenarios.speed import SpeedOptions, main, timed_run
+from scenarios.timing.commits import CheckedOut, CommitComparison, TimedTrial
+from scenarios.timing.detection_speed import MUG_GRASPS, VGN, DetectionSpeed
 from scenarios.timing.workers import GIB, figures
 from scenarios.trials.records import TrialRecord
 from split_drake.experiments.run import json_line
@@ -90,3 +94,26 @@ def test_trials_that_never_planned_are_no_measure() -> None:
     failed = TrialRecord(0, 0, "test_000", 0.07, "error")
     with pytest.raises(ValueError, match="none of 1 trials came as far as planning"):
         figures([failed], 1.0, [failed], 1.0)
+
+
+def test_commits_are_compared_by_trials_of_split(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="--trials is 0; expected 1 at least"):
+        SpeedOptions(out=tmp_path, trials=0, against="HEAD")
+    with pytest.raises(ValueError, match="--detector is 'oracle'; leave it out"):
+        SpeedOptions(out=tmp_path, detector="oracle", against="HEAD")
+
+
+def test_what_was_timed_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    timed = [DetectionSpeed(threads, {VGN: 0.2, MUG_GRASPS: 0.1}) for threads in (1, 2)]
+    monkeypatch.setattr("scenarios.speed.detection_speeds", lambda *_: timed)
+    trial = {0: TimedTrial(1.0, succeeded=True)}
+    compared = CommitComparison(trial, {0: TimedTrial(2.0, succeeded=True)})
+    monkeypatch.setattr("scenarios.speed.compare_commits", lambda *_: compared)
+    there = nullcontext(CheckedOut("abc", tmp_path))
+    monkeypatch.setattr("scenarios.speed.checked_out", lambda _: there)
+    out = tmp_path / "speed"
+    main(SpeedOptions(out=out, trials=0))
+    main(SpeedOptions(out=out, detections=0, against="HEAD"))
+    kept = json.loads((out / "speed.json").read_text())
+    assert kept["detections"]["1"][MUG_GRASPS] == 0.1
+    assert kept["against abc"]["ratio"] == 0.5

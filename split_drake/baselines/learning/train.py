@@ -109,10 +109,9 @@ class BaselineRun:
         lessons = self._method.prepare(dataset, config.fields)
         self._pupil = Pupil(self._method, lessons, config.seed)
         self._folder = TrainingFolder(config.out, WEIGHTS)
-        options = config.record() | {
-            "dataset_hash": self._dataset_hash,
-            "bfloat16": lessons.bfloat16,
-        }
+        options = config.record() | {"dataset_hash": self._dataset_hash}
+        if lessons.bfloat16:  # sums differ: a run does not go on without it
+            options["bfloat16"] = True
         if self._folder.take_up(options, config.resume):
             self._pupil.restore(self._folder.state)
             self._folder.cut_curves(self._pupil.step)

@@ -1,6 +1,5 @@
 """A hand that an object catches when it lets go of it, or puts it down."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,21 +15,9 @@ from planning.motion.free import NoMotion
 from planning.problem import Segment, SegmentName, Stage
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.robot.posture import Q_HOME
-from tests.helpers.handling import WIDTH_M, Placer, failures, handle
+from tests.helpers.handling import WIDTH_M, Placer, catch, failures, handle
 from tests.helpers.planning import reorient_plan
 from tests.helpers.robot import PerfectRobot
-
-
-def catch(robot: PerfectRobot, normal_W: tuple[float, float, float]) -> Callable[[Segment], None]:
-    """Return what catches the robot's hand on a wall once it has begun to draw back."""
-
-    def on_step(segment: Segment) -> None:
-        if segment.name is SegmentName.RETREAT and robot.floor_m == -np.inf:
-            robot.normal_W = normal_W
-            robot.floor_m = float(np.dot(normal_W, gripper_pose(robot.q)[:3, 3]))
-
-    return on_step
-
 
 # Against the way back, which leads up, and sideways: the hand can slide along it.
 SLOPE_W = (0.8, 0.0, -0.6)

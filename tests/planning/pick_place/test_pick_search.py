@@ -136,3 +136,34 @@ def test_firmness_grows_with_each_of_what_it_is_made_of(name: str) -> None:
     factors = firmness(fits)
     assert (np.diff(factors) >= 0.0).all()
     assert 0.0 < factors[0] < factors[-1] <= 1.0
+
+
+@pytest.mark.parametrize(
+    ("reason", "p_WExtra"),
+    [
+        ("collision at the grasp", in_hand((0.0, 0.0, -0.06))),
+        ("collision on the approach", above_palm(0.025)),
+        ("lift", Layout().X_WK[:3, 3] - (0.0, 0.0, 0.04)),
+    ],
+)
+def test_what_the_hand_alone_cannot_do_is_never_asked_of_the_arm(
+    reason: str, p_WExtra: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def follow(q: Array, X_WGs: Array) -> None:
+        raise AssertionError("the arm was asked")
+
+    monkeypatch.setattr("planning.pick_place.pick.follow", follow)
+    picks = search(p_WExtra)
+    assert find(picks) is None
+    assert picks.rejected == {reason: 1}
+
+
+def test_what_the_arm_alone_collides_with_is_found_after_the_hand() -> None:
+    p_WInWrist = in_hand((0.04, 0.0, -0.19))
+    picks = search(p_WInWrist)
+    obstacles = PerceivedObject.from_cloud(
+        np.concatenate([CLOUD, [p_WInWrist]]), None, 0.0
+    ).p_WObstacles
+    assert world().poses_free(X_WG[None], Situation(0.08, p_WStanding=obstacles[-1:]))
+    assert find(picks) is None
+    assert picks.rejected == {"collision at the grasp": 1}

@@ -80,7 +80,12 @@ def test_both_commits_run_the_same_trials_in_turns(
     first, second = (0, TURN), (TURN, 2)
     assert runs.ran == [(ROOT, *first), (theirs, *first), (theirs, *second), (ROOT, *second)]
     assert found.ratio == 0.5
-    assert list(found.ours) == list(found.theirs) == [0, *range(2, TURN + 2)]
+    assert list(found.ours) == list(found.theirs) == list(range(TURN + 2))
+    assert found.timed == [0, *range(2, TURN + 2)]
+    assert not found.ours[1].succeeded and found.ours[1].seconds is None
+    assert found.figures()["trials"] == TURN + 2 == found.figures()["timed"] + 1
+    fewer = compare_commits(theirs, [0, 2], tmp_path)
+    assert list(fewer.ours) == [0, 2] and len(runs.ran) == 4
     again = compare_commits(theirs, range(TURN + 2), tmp_path)
     assert again == found and len(runs.ran) == 4
 
@@ -99,20 +104,24 @@ def test_where_nothing_was_planned_nothing_is_timed(
 ) -> None:
     theirs = tmp_path / "theirs"
     monkeypatch.setattr(commits.subprocess, "run", FakeRuns({ROOT: 2.0, theirs: 2.0}))
-    with pytest.raises(ValueError, match="no trial was planned by both"):
+    with pytest.raises(ValueError, match="no trial was executed by both"):
         compare_commits(theirs, [1], tmp_path)
 
 
 def test_a_commit_is_checked_out_while_it_is_needed() -> None:
     if not (ROOT / ".git").exists():
         pytest.skip("the sources lie in no git repository")
-    with checked_out("HEAD") as folder:
+    with checked_out("HEAD") as (commit, folder):
         assert (folder / "scenarios" / "mug_hang.py").is_file()
+        assert len(commit) == 40
     assert not folder.exists()
-    listed = subprocess.run(
-        ["git", "worktree", "list"], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    assert str(folder) not in listed.stdout
+
+
+def test_without_git_no_commit_is_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    told = pytest.raises(ValueError, match="--against needs git, which does not run")
+    with told, checked_out("HEAD"):
+        pass
 
 
 def test_a_commit_that_git_does_not_know_is_told() -> None:

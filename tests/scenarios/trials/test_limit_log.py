@@ -10,6 +10,7 @@ from scenarios.trials.records import TrialRecord, worst_peaks
 from scenarios.trials.report.page import row_of
 from scenarios.trials.report.summary import rates_by_width
 from split_drake.objects.mugs.split import load_mug
+from split_drake.poses import Array
 from split_drake.robot.panda import MAX_WEIGHT_NM, arm_limits, weight_torques_nm
 from split_drake.robot.posture import Q_HOME
 from split_drake.station.station import Station
@@ -41,6 +42,24 @@ def test_a_commanded_jump_is_seen_as_too_fast() -> None:
     assert log.peaks.velocity_share > 1.0
     assert 0.3 < log.peaks.torque_share <= 1.0
     assert any(text.startswith("velocity") for text in log.peaks.exceeded())
+
+
+def test_a_single_fast_step_between_two_looks_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    station = Station(STATION, [load_mug("test_004").body])
+    log = LimitLog(station, Truth(station))
+    read, steps = vars(Station)["panda_state"].fget, [0]
+
+    def spiked(station: Station) -> Array:
+        state: Array = read(station).copy()
+        steps[0] += 1
+        if steps[0] == 8:
+            state[9:16] = 2.0 * arm_limits().v_max
+        return state
+
+    monkeypatch.setattr(Station, "panda_state", property(spiked))
+    station.advance(0.03)
+    assert steps[0] == 15
+    assert log.peaks.velocity_share == pytest.approx(2.0)
 
 
 def test_a_hand_in_the_table_is_seen() -> None:

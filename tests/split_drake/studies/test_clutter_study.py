@@ -9,7 +9,7 @@ import pytest
 
 from split_drake.data.clutter.library import GraspLibrary
 from split_drake.experiments.run import AnotherRunError
-from split_drake.pose_set import ScoredPoses
+from split_drake.pose_set import ALL_ACCEPTED, Acceptance, ScoredPoses
 from split_drake.poses import make_pose, rotation_x
 from split_drake.split.detector import CLUTTER_SAMPLER
 from split_drake.station.layout import Layout
@@ -57,14 +57,17 @@ def samples(scene: StudyScene, scores: Sequence[float]) -> ScoredPoses:
     return ScoredPoses(np.concatenate([grasps.X_WGs[best], ALOFT[None]]), np.array(scores))
 
 
+FROM_03 = Acceptance(0.3, 0.3)
+
+
 def test_figures_tell_good_samples_from_accepted_ones(scene: StudyScene) -> None:
-    found = figures(scene, samples(scene, [0.9, 0.6, 0.1, 0.4]), threshold=0.3)
+    found = figures(scene, samples(scene, [0.9, 0.6, 0.1, 0.4]), FROM_03)
     assert found["samples_good"] == 0.75
     assert found["accepted"] == 0.75
     assert found["accepted_good"] == pytest.approx(2.0 / 3.0)
     assert found["best_good"] == 1.0
-    assert figures(scene, samples(scene, [0.9, 0.6, 0.1, 0.95]), 0.3)["best_good"] == 0.0
-    nothing = figures(scene, samples(scene, [0.1, 0.1, 0.1, 0.1]), 0.3)
+    assert figures(scene, samples(scene, [0.9, 0.6, 0.1, 0.95]), FROM_03)["best_good"] == 0.0
+    nothing = figures(scene, samples(scene, [0.1, 0.1, 0.1, 0.1]), FROM_03)
     assert nothing["objects"] == nothing["accepted"] == 0.0
     assert np.isnan(nothing["accepted_good"])
 
@@ -74,7 +77,9 @@ def test_grasps_belong_to_the_object_that_they_are_at(scene: StudyScene) -> None
     good = scene.judge.check(grasps.X_WGs).good & (grasps.weights > 0.0)
     sampled = ScoredPoses(grasps.X_WGs[good], np.ones(good.sum()))
     reached = set(scene.objects_of(sampled.X_WPs))
-    assert figures(scene, sampled, 0.5)["objects"] == len(reached) / len(scene.drawn.objects)
+    assert figures(scene, sampled, ALL_ACCEPTED)["objects"] == len(reached) / len(
+        scene.drawn.objects
+    )
     middles = np.array([X[:3, 3] for X in scene.drawn.X_WOs])
     nearest = np.linalg.norm(sampled.X_WPs[:, None, :3, 3] - middles, axis=-1).argmin(axis=1)
     assert (nearest == scene.objects_of(sampled.X_WPs)).mean() > 0.8
@@ -111,5 +116,3 @@ def test_a_study_goes_on_where_it_stopped(
 def test_impossible_options_are_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="--scenes is 0; expected 1 or more"):
         ClutterStudyConfig(tmp_path, tmp_path, tmp_path, scenes=0)
-    with pytest.raises(ValueError, match=r"--threshold is 1.5; expected 0 to 1"):
-        ClutterStudyConfig(tmp_path, tmp_path, tmp_path, threshold=1.5)
