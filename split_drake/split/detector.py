@@ -30,7 +30,7 @@ from split_drake.split.threads import use_one_thread
 
 # Of the noise that is injected where samples are to spread, not to gather at the modes.
 WIDE_TEMPERATURE = 0.5
-ACCEPTANCE = Acceptance(least=0.4, enough=0.62)
+ACCEPTANCE = Acceptance(least=0.4, enough=0.7)
 
 
 @dataclass(frozen=True)
