@@ -25,3 +25,10 @@ G and G Rot_z(pi) are the same grasp, H and H Rot_x(pi) the same handle; pose se
 Poses travel between modules as (4, 4) arrays, batches as (N, 4, 4); units are SI.  Importing this
 package loads neither Drake nor PyTorch.
 """
+
+import os
+
+# Threads that wait for each other sleep after this many turns of a loop, some 10 microseconds: the
+# small products of a detection lose with threads that sleep at once, and a busy machine with such
+# that never do.  OpenMP reads it when PyTorch is loaded.
+os.environ.setdefault("GOMP_SPINCOUNT", "5000")
