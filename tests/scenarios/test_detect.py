@@ -34,7 +34,7 @@ def assert_found(pose_sets: PoseSets) -> None:
     p_WBest = {name: poses.X_WPs[0, :3, 3] for name, poses in pose_sets.items()}
     assert np.linalg.norm(p_WBest["upright"] - X_WO[:3, 3]) < NEAR_M
     assert np.linalg.norm(p_WBest["handle"] - true_handle()[:3, 3]) < NEAR_M
-    assert len(pose_sets["grasp"]) > 100
+    assert len(pose_sets["grasp"]) > 30
 
 
 def test_the_examples_are_what_their_command_makes(tmp_path: Path) -> None:

@@ -268,7 +268,13 @@ def test_ctrl_c_leaves_a_valid_folder(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "scenarios.mug_hang", "--detector", "oracle"]
     command += ["--record", "none", "--workers", "1", "--out", str(tmp_path)]
     log = tmp_path / "trials.jsonl"
-    process = subprocess.Popen(command, cwd=ROOT, start_new_session=True)
+    process = subprocess.Popen(
+        command,
+        cwd=ROOT,
+        start_new_session=True,
+        # Shells let their background jobs ignore it, whose children inherit that.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
     while process.poll() is None and not (log.exists() and log.read_text()):
         time.sleep(0.2)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does, the workers too
