@@ -84,7 +84,8 @@ def timed_run(options: SpeedOptions, workers: int) -> tuple[list[TrialRecord], f
             out=folder,
         )
     )
-    records = trial_run(folder).records()
+    # They arrive as they end: with two workers the second may be first.
+    records = sorted(trial_run(folder).records(), key=lambda record: record.index)
     if len(records) < options.trials:
         raise BadInputError(
             f"{folder} holds {len(records)} of {options.trials} trials: the run was interrupted; "

@@ -117,3 +117,21 @@ def test_what_was_timed_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     kept = json.loads((out / "speed.json").read_text())
     assert kept["detections"]["1"][MUG_GRASPS] == 0.1
     assert kept["against abc"]["ratio"] == 0.5
+
+
+def test_records_that_arrived_in_another_order_are_of_the_same_trials(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(options: mug_hang.MugHangOptions) -> Path:
+        assert options.out is not None
+        options.out.mkdir(parents=True)
+        order = range(3) if options.workers == 1 else (1, 0, 2)
+        lines = [json_line(record(index)) + "\n" for index in order]
+        (options.out / "trials.jsonl").write_text("".join(lines))
+        write_json(options.out / "summary.json", {"wall_s": 30.0 / options.workers, "trials": 3})
+        return options.out
+
+    monkeypatch.setattr(mug_hang, "main", run)
+    main(SpeedOptions(out=tmp_path, detections=0, trials=3))
+    kept = json.loads((tmp_path / "speed.json").read_text())["trials"]
+    assert kept["two workers, times as fast as one"] == 2.0
