@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 
+from planning.goals.hang import SUBGOAL as HANG
 from planning.goals.upright import SUBGOAL as REORIENT
 from planning.motion.ik import solve_ik
 from planning.pick_place.pick import Q_COMFORT
@@ -101,7 +102,17 @@ def configuration(p_WG: tuple[float, float, float]) -> Array:
 @cache
 def reorient_plan() -> Plan:
     """Return a plan that takes the standing mug and stands it up elsewhere."""
-    problem = mug_problem(REORIENT, STANDING)
+    return _plan_of(REORIENT)
+
+
+@cache
+def hang_plan() -> Plan:
+    """Return a plan that takes the standing mug and hangs it."""
+    return _plan_of(HANG)
+
+
+def _plan_of(subgoal: Subgoal) -> Plan:
+    problem = mug_problem(subgoal, STANDING)
     found = make_planner("default").plan(problem, np.random.default_rng(0))
     if not isinstance(found, Plan):
         raise RuntimeError(f"the made-up mug's problem has no plan: {found.reason}")

@@ -15,7 +15,6 @@ from planning.goals.hang import SUBGOAL as HANG
 from planning.motion.ik import solve_ik
 from planning.motion.timing import rest
 from planning.pick_place.pick import Q_COMFORT
-from planning.planner import make_planner
 from planning.problem import (
     JointTrajectory,
     Plan,
@@ -30,14 +29,7 @@ from split_drake.poses import Array, invert_pose, make_pose, transform_points
 from split_drake.robot.gripper import MAX_OPENING_M, PALM
 from split_drake.robot.kinematics import gripper_pose
 from split_drake.station.layout import Layout
-from tests.helpers.planning import STANDING, mug_cloud, mug_problem, reorient_plan
-
-
-@cache
-def hang_plan() -> Plan:
-    plan = make_planner("default").plan(mug_problem(HANG, STANDING), np.random.default_rng(0))
-    assert isinstance(plan, Plan)
-    return plan
+from tests.helpers.planning import STANDING, hang_plan, mug_cloud, mug_problem, reorient_plan
 
 
 @cache

@@ -6,10 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from planning.goals.hang import SUBGOAL as HANG
 from planning.handling.attempts import AttemptLimits, Perception
 from planning.handling.fallen import fallen_object
-from planning.planner import make_planner
 from planning.problem import Plan, Stage
 from split_drake.camera import DepthView
 from split_drake.data.render import DepthRenderer
@@ -19,18 +17,10 @@ from split_drake.robot.kinematics import gripper_pose
 from split_drake.scene import Scene, Workspace
 from split_drake.station.layout import Layout
 from tests.helpers.handling import WIDTH_M, Placer, catch, handle
-from tests.helpers.planning import STANDING, mug_cloud, mug_problem, reorient_plan
+from tests.helpers.planning import STANDING, hang_plan, mug_cloud, reorient_plan
 from tests.helpers.robot import PerfectRobot
 
 LAYOUT, NOTHING = Layout(), np.empty((0, 3))
-BELOW_HOOK = make_pose(rotation_x(np.pi / 2.0), (0.47, -0.30, 0.045))
-
-
-@cache
-def hang_plan() -> Plan:
-    plan = make_planner("default").plan(mug_problem(HANG, STANDING), np.random.default_rng(0))
-    assert isinstance(plan, Plan)
-    return plan
 
 
 @cache
