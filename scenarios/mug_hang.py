@@ -58,7 +58,8 @@ class MugHangOptions:
             `python -m scenarios.check_meshes` refuses are left out.
         planner: by name.
         checkpoint: weights of SPLIT; those that ship with the project where not given.
-        evaluations: of SPLIT's score for a look; 16 take twice the time and do no better.
+        evaluations: of SPLIT's score for a look; 16 take three times the time, and 200 trials of
+            each end alike.
         noise_m: standard deviation of the noise on the sampled points.
         depth_noise: of the depth images themselves, which detector, planner and registration see:
             levels of `split_drake.depth_noise`.

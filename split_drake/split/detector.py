@@ -46,8 +46,9 @@ class SamplerConfig:
             perturbed by less than `BatchConfig.evaluator_limit`; scores rank poses but are no
             probabilities.
 
-    By default the score is evaluated four times.  A third of the samples is rejected then: the
-    others are as good as those of 16 evaluations, and cover more (`split_drake.studies`).
+    By default the score is evaluated four times.  The evaluator then doubts half of the grasps, and
+    these are rejected: of the others as many are good as of 16 evaluations, to a point, and they
+    cover as many true grasps (BUILD-notes, split_drake/studies, has the tables).
     """
 
     samples: int = 256
