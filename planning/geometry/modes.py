@@ -11,6 +11,9 @@ from split_drake.poses import Array, make_pose, rotation_error_rad
 # Poses closer together than this, in both place and rotation, are one mode of a pose set.
 MODE_DISTANCE_M = 0.01
 MODE_ANGLE_RAD = np.radians(15.0)
+# A mode with less than this share of all poses is a fluke, unless its best pose has this share of
+# the best score: of 253 upright poses, one may stand a mug on its rim.
+LEAST_SHARE, NEARLY_BEST = 0.02, 0.9
 # Poses closer than this to one that failed are taken to fail as well.
 FAILURE_DISTANCE_M = 0.015
 FAILURE_ANGLE_RAD = np.radians(25.0)
@@ -28,7 +31,7 @@ def distinct_modes(X_WPs: Array, count: int, symmetry: Symmetry) -> list[int]:
 
 
 def mode_means(pose_set: PoseSet, count: int) -> list[tuple[Array, float]]:
-    """Return at most `count` modes as (mean pose (4, 4), best score), best first.
+    """Return at most `count` modes as (mean pose (4, 4), best score), best first, without flukes.
 
     Samples scatter around what was detected; their mean, weighted by score, scatters less.
     """
@@ -37,6 +40,9 @@ def mode_means(pose_set: PoseSet, count: int) -> list[tuple[Array, float]]:
         X_WBest = pose_set.X_WPs[index]
         X_WPs = symmetry.nearest(pose_set.X_WPs, X_WBest)
         members = _same_mode(X_WPs, X_WBest)
+        nearly_best = pose_set.scores[index] >= NEARLY_BEST * pose_set.scores[0]
+        if members.mean() < LEAST_SHARE and not nearly_best:
+            continue
         weights = pose_set.scores[members] + 1e-9
         R_WP = Rotation.from_matrix(X_WPs[members, :3, :3]).mean(weights).as_matrix()
         p_WP = np.average(X_WPs[members, :3, 3], axis=0, weights=weights)

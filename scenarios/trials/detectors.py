@@ -1,5 +1,6 @@
-"""The detector that a trial asks for."""
+"""The detectors that a trial asks."""
 
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,18 +26,31 @@ if TYPE_CHECKING:  # PyTorch is imported by those who need it
     from split_drake.split.detector import SplitDetector
 
 
-def make_detector(spec: TrialSpec, setup: Setup, wide: bool = False) -> PoseDetector:
-    """Return the detector that a trial asks for; `wide`: one of poses that spread further.
+@dataclass(frozen=True)
+class Detectors:
+    """The detectors of a trial, by when they are asked.
 
-    The true poses are all there are.
+    Attributes:
+        usual: of a look that follows no failure.
+        again: of one that does, which takes its time.
+        again_for_grasps: the same, whose poses spread further.
     """
+
+    usual: PoseDetector
+    again: PoseDetector
+    again_for_grasps: PoseDetector
+
+
+def make_detectors(spec: TrialSpec, setup: Setup) -> Detectors:
+    """Return the detectors that a trial asks for; the oracle's poses are all there are."""
     if spec.detector == "split":
-        detector = _split_detector(spec.checkpoint, spec.evaluations)
-        return detector.widened() if wide else detector
-    oracle = OracleDetector(
+        split = _split_detector(spec.checkpoint, spec.evaluations)
+        return Detectors(split, split.thorough(), split.widened())
+    true = OracleDetector(
         setup.truth, setup.mug, _grasp_labels(spec.mugs, setup.mug.name, spec.folder)
     )
-    return NoisyDetector(oracle, spec.pose_noise) if spec.pose_noise else oracle
+    known = NoisyDetector(true, spec.pose_noise) if spec.pose_noise else true
+    return Detectors(known, known, known)
 
 
 def require_working_detector(detector: str, checkpoint: Path | None, task: Subgoal) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from scenarios.trials.detectors import make_detector
+from scenarios.trials.detectors import make_detectors
 from scenarios.trials.setup import Setup, TrialGenerators
 from scenarios.trials.spec import TrialSpec
 from split_drake.objects_in_view import scenes_of_objects
@@ -25,8 +25,7 @@ class Perceiver:
         self._noise_m = spec.noise_m
         self._station = setup.station
         self._rngs = rngs
-        self._detector = make_detector(spec, setup)
-        self._wide_detector = make_detector(spec, setup, wide=True)
+        self._detectors = make_detectors(spec, setup)
 
     def look(
         self, tasks: Sequence[PoseTask], again: bool = False
@@ -46,8 +45,12 @@ class Perceiver:
         return scenes[0] if len(scenes) == 1 else clean, found
 
     def _detect(self, scene: Scene, tasks: Sequence[PoseTask], again: bool) -> dict[str, PoseSet]:
-        pose_sets = self._detector.detect(scene, tasks, self._rngs.detector)
-        if again and GRASP in tasks:
-            # Places that an object can be put to gather for good reason: only grasps spread.
-            pose_sets |= self._wide_detector.detect(scene, [GRASP], self._rngs.detector)
+        detectors, rng = self._detectors, self._rngs.detector
+        if not again:
+            return detectors.usual.detect(scene, tasks, rng)
+        # Places that an object can be put to gather for good reason: only grasps spread.
+        goals = [task for task in tasks if task != GRASP]
+        pose_sets = detectors.again.detect(scene, goals, rng) if goals else {}
+        if GRASP in tasks:
+            pose_sets |= detectors.again_for_grasps.detect(scene, [GRASP], rng)
         return pose_sets

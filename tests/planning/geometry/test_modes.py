@@ -80,3 +80,17 @@ def test_more_failures_leave_no_more_poses(seed: int, task: PoseTask) -> None:
     for fewer, more in zip(left[1:], left[:-1], strict=True):
         assert (fewer <= more).all()
     assert not away_from(failed, failed, task.symmetry).any()
+
+
+def test_a_mode_of_few_and_bad_poses_is_a_fluke() -> None:
+    rng = np.random.default_rng(0)
+    many, elsewhere = scattered(rng, make_pose(), 99, 0.1), make_pose(p=(0.1, 0.0, 0.0))[None]
+
+    def scores_of_modes(lone_score: float, count: int = 99) -> list[float]:
+        scores = np.concatenate([np.full(count, 0.9), [lone_score]])
+        poses = np.concatenate([many[:count], elsewhere])
+        return [score for _, score in mode_means(PoseSet.ranked(GRASP, poses, scores), 3)]
+
+    assert scores_of_modes(0.7) == [0.9]
+    assert scores_of_modes(0.85) == [0.9, 0.85]
+    assert scores_of_modes(0.7, count=9) == [0.9, 0.7]

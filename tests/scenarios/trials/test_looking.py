@@ -11,7 +11,7 @@ from scenarios.mug_hang import MugHangOptions, specs_of
 from scenarios.record_problems import RecordOptions
 from scenarios.record_problems import specs_of as problem_specs
 from scenarios.trials import perception, setup
-from scenarios.trials.detectors import make_detector
+from scenarios.trials.detectors import Detectors, make_detectors
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.pose_noise import NoisyDetector, PoseNoise
 from scenarios.trials.setup import (
@@ -94,13 +94,15 @@ def test_the_oracle_is_noisy_where_asked_and_knows_no_wider_poses(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     found = ready(monkeypatch)
-    assert isinstance(make_detector(SPEC, found, wide=True), OracleDetector)
+    known = make_detectors(SPEC, found)
+    assert isinstance(known.usual, OracleDetector)
+    assert known.usual is known.again is known.again_for_grasps
     noise = PoseNoise(0.003, 0.0)
-    noisy = make_detector(replace(SPEC, pose_noise=noise), found)
+    noisy = make_detectors(replace(SPEC, pose_noise=noise), found).usual
     assert isinstance(noisy, NoisyDetector) and noisy.noise == noise
     from_files = replace(SPEC, mugs=replace(SPEC.mugs, where=str(tmp_path)), folder=tmp_path)
     with pytest.raises(FileNotFoundError, match=r"grasps/test_003\.npz"):
-        make_detector(from_files, found)
+        make_detectors(from_files, found)
 
 
 class Asked:
@@ -118,31 +120,33 @@ class Asked:
         return {str(task): PoseSet(GRASP, np.empty((0, 4, 4)), np.empty(0)) for task in tasks}
 
 
-def watching(found: Setup, usual: Asked, wide: Asked, monkeypatch: pytest.MonkeyPatch) -> Perceiver:
-    detectors = {False: usual, True: wide}
-    monkeypatch.setattr(perception, "make_detector", lambda *_, wide=False: detectors[wide])
+def watching(found: Setup, asked: Sequence[Asked], monkeypatch: pytest.MonkeyPatch) -> Perceiver:
+    """Return eyes that ask the three given, in the order of `Detectors`."""
+    monkeypatch.setattr(perception, "make_detectors", lambda *_: Detectors(*asked))
     return Perceiver(SPEC, found, TrialGenerators.of(0))
 
 
-def test_only_grasps_are_looked_for_more_widely_and_only_when_looking_again(
+def test_a_look_again_asks_who_takes_his_time_and_grasps_of_who_spreads_them(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    usual, wide = Asked(), Asked()
-    eyes = watching(ready(monkeypatch), usual, wide, monkeypatch)
+    asked = usual, again, again_for_grasps = Asked(), Asked(), Asked()
+    eyes = watching(ready(monkeypatch), asked, monkeypatch)
     eyes.look([GRASP, HANDLE])
+    assert usual.tasks == [(GRASP, HANDLE)] and not again.tasks + again_for_grasps.tasks
     eyes.look([HANDLE], again=True)
-    assert wide.tasks == []
+    assert again.tasks == [(HANDLE,)] and not again_for_grasps.tasks
+    eyes.look([GRASP], again=True)
+    assert again.tasks == [(HANDLE,)] and again_for_grasps.tasks == [(GRASP,)]
     _, pose_sets = eyes.look([GRASP, HANDLE], again=True)
-    assert wide.tasks == [(GRASP,)] and set(pose_sets) == {"grasp", "handle"}
-    assert usual.tasks == [(GRASP, HANDLE), (HANDLE,), (GRASP, HANDLE)]
-    np.testing.assert_array_equal(usual.p_WSs[2], wide.p_WSs[0])
+    assert set(pose_sets) == {"grasp", "handle"} and len(usual.tasks) == 1
+    np.testing.assert_array_equal(again.p_WSs[-1], again_for_grasps.p_WSs[-1])
 
 
 def test_each_look_has_noise_of_its_own_on_the_sampled_points(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     found = ready(monkeypatch)
-    eyes = watching(found, Asked(), Asked(), monkeypatch)
+    eyes = watching(found, [Asked() for _ in range(3)], monkeypatch)
     clean = Scene.from_views(found.station.capture(), SPEC.station.layout.workspace)
     one, other = (eyes.look([GRASP])[0] for _ in range(2))
     for scene in (one, other):

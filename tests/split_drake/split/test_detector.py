@@ -351,10 +351,11 @@ def test_where_a_network_comes_from_is_kept(checkpoint: Path, network: SplitNetw
     assert load_checkpoint(checkpoint)[1] == further
 
 
-def test_a_widened_detector_is_the_long_sampler_but_for_its_temperature(
+def test_thorough_detectors_are_the_long_sampler_and_a_widened_one_is_warmer(
     network: SplitNetwork,
 ) -> None:
     detector = detector_of(network, SamplerConfig(samples=7))
+    assert detector.thorough().config == replace(SIXTEEN_EVALUATIONS, samples=7)
     wide = detector.widened()
     langevin = replace(SIXTEEN_EVALUATIONS.langevin, temperature=WIDE_TEMPERATURE)
     assert wide.config == replace(SIXTEEN_EVALUATIONS, samples=7, langevin=langevin)
