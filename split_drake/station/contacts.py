@@ -1,10 +1,10 @@
 """Who touches a body, and how deep, in a plant with point or hydroelastic contact."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 import numpy as np
-from pydrake.geometry import FrameId, GeometryId
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.geometry import GeometryId
+from pydrake.multibody.plant import ContactModel, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context
 
@@ -56,23 +56,47 @@ class Overlaps:
         self, plant: MultibodyPlant, groups: Sequence[tuple[Collection[str], Collection[str]]]
     ) -> None:
         self._plant = plant
-        self._frames = [(_frames(plant, one), _frames(plant, other)) for one, other in groups]
+        self._bodies = [(_bodies(plant, one), _bodies(plant, other)) for one, other in groups]
 
     def depths_m(self, context: Context) -> list[float]:
         """Return how deep each group overlaps now, as `penetration_m` has it."""
         query = self._plant.get_geometry_query_input_port().Eval(context)
-        inspector = query.inspector()
-        deepest = [0.0] * len(self._frames)
-        for pair in query.ComputePointPairPenetration():
-            a, b = inspector.GetFrameId(pair.id_A), inspector.GetFrameId(pair.id_B)
-            for number, (ones, others) in enumerate(self._frames):
+        inspector, plant = query.inspector(), self._plant
+        return self._deepest(
+            (
+                plant.GetBodyFromFrameId(inspector.GetFrameId(pair.id_A)).index(),
+                plant.GetBodyFromFrameId(inspector.GetFrameId(pair.id_B)).index(),
+                pair.depth,
+            )
+            for pair in query.ComputePointPairPenetration()
+        )
+
+    def depths_in_last_step_m(self, context: Context) -> list[float]:
+        """Return how deep each group overlapped when the last step began; 0 before the first.
+
+        With point contact the step has found that out already, and no shape is looked at again.
+        """
+        plant = self._plant
+        if plant.get_contact_model() != ContactModel.kPoint:
+            return self.depths_m(context)
+        results = plant.get_contact_results_output_port().Eval(context)
+        infos = map(results.point_pair_contact_info, range(results.num_point_pair_contacts()))
+        return self._deepest(
+            (info.bodyA_index(), info.bodyB_index(), info.point_pair().depth) for info in infos
+        )
+
+    def _deepest(self, overlaps: Iterable[tuple[BodyIndex, BodyIndex, float]]) -> list[float]:
+        """Return each group's deepest overlap of those given."""
+        deepest = [0.0] * len(self._bodies)
+        for a, b, depth_m in overlaps:
+            for number, (ones, others) in enumerate(self._bodies):
                 if (a in ones and b in others) or (b in ones and a in others):
-                    deepest[number] = max(deepest[number], float(pair.depth))
+                    deepest[number] = max(deepest[number], float(depth_m))
         return deepest
 
 
-def _frames(plant: MultibodyPlant, names: Collection[str]) -> set[FrameId]:
-    return {plant.GetBodyFrameIdOrThrow(plant.GetBodyByName(name).index()) for name in names}
+def _bodies(plant: MultibodyPlant, names: Collection[str]) -> set[BodyIndex]:
+    return {plant.GetBodyByName(name).index() for name in names}
 
 
 def _body_of(plant: MultibodyPlant, context: Context, geometry: GeometryId) -> BodyIndex:

@@ -71,7 +71,7 @@ class Truth:
         return penetration_m(self._plant, self._station.plant_context, bodies, {own})
 
     def robot_depths_m(self, index: int = 0) -> tuple[float, float]:
-        """Return how deep the robot is in what it should not sink into, 0 where it is not.
+        """Return how deep the last step found the robot in what it should not sink into, or 0.
 
         That is the fingers with an object, and all of its moving bodies with table and hook.
         """
@@ -79,7 +79,7 @@ class Truth:
             own, fixtures = {self._station.objects[index].name}, (TABLE_BODY, HOOK_BODY)
             groups = [(FINGER_BODIES, own), (MOVING_BODIES, fixtures)]
             self._overlaps[index] = Overlaps(self._plant, groups)
-        depths_m = self._overlaps[index].depths_m(self._station.plant_context)
+        depths_m = self._overlaps[index].depths_in_last_step_m(self._station.plant_context)
         return depths_m[0], depths_m[1]
 
     def _body(self, index: int) -> RigidBody:
