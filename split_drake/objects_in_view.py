@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from split_drake.poses import Array
-from split_drake.scene import Scene, farthest_points
+from split_drake.scene import Scene, Voxels, farthest_points
 
 # Points are gathered into voxels of this edge first.
 VOXEL_M = 0.004
@@ -51,15 +51,9 @@ def objects_in_view(p_WPs: Array) -> list[ObjectInView]:
     """
     if not len(p_WPs):
         return []
-    _, voxel_of, counts = np.unique(
-        np.floor(p_WPs / VOXEL_M).astype(np.int64), axis=0, return_inverse=True, return_counts=True
-    )
-    voxel_of = voxel_of.reshape(-1)
-    middles = np.zeros((len(counts), 3))
-    np.add.at(middles, voxel_of, p_WPs)
-    middles /= counts[:, None]
-    parts = _parts(middles, counts >= SPARSE * np.median(counts))
-    part_of_point = parts[voxel_of]
+    voxels = Voxels.of(p_WPs, VOXEL_M)
+    parts = _parts(voxels.middles, voxels.counts >= SPARSE * np.median(voxels.counts))
+    part_of_point = parts[voxels.of_point]
     found = [
         ObjectInView(part_of_point == part, p_WPs[part_of_point == part])
         for part in range(parts.max() + 1)

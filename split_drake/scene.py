@@ -89,6 +89,33 @@ def farthest_points(points: Array, count: int) -> Array:
     return points[np.arange(count) % len(points)]
 
 
+@dataclass(frozen=True)
+class Voxels:
+    """Points gathered into the voxels that they lie in, in the order of x, then y, then z.
+
+    Attributes:
+        middles: (M, 3) mean of each voxel's points.
+        counts: (M,) how many those are.
+        of_point: (N,) the voxel of each point.
+    """
+
+    middles: Array
+    counts: NDArray[np.intp]
+    of_point: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, points: Array, edge_m: float) -> Self:
+        """Return the occupied voxels of points (N, 3), N >= 0."""
+        cells = np.floor(np.asarray(points) / edge_m).astype(np.int64)
+        order = np.lexsort(cells.T[::-1])
+        differs = np.any(np.diff(cells[order], axis=0), axis=1)
+        of_point = np.empty(len(cells), dtype=np.intp)
+        of_point[order] = np.cumsum(np.append(False, differs))[: len(cells)]
+        counts = np.bincount(of_point)
+        sums = [np.bincount(of_point, weights=column) for column in np.transpose(points)]
+        return cls(np.stack(sums, axis=1) / counts[:, None], counts, of_point)
+
+
 def occupancy_grid(p_WPs: Array, workspace: Workspace, resolution: int) -> NDArray[np.bool_]:
     """Return (r, r, r) voxels indexed [x, y, z], true where a point lies; others are ignored."""
     indices = np.floor((p_WPs - workspace.p_WV) / workspace.edge_m * resolution).astype(int)

@@ -7,6 +7,7 @@ import numpy as np
 from split_drake.pose_set import PoseSets
 from split_drake.pose_task import UPRIGHT
 from split_drake.poses import Array, invert_pose, transform_points
+from split_drake.scene import Voxels
 
 # Voxel edges of the cloud that the arm keeps clear of, and of the one that fingers are fitted to.
 OBSTACLE_VOXEL_M = 0.009
@@ -60,11 +61,7 @@ def best_upright(pose_sets: PoseSets) -> Array | None:
 
 def voxel_centroids(points: Array, edge_m: float) -> Array:
     """Return the mean of the points (N, 3) in every occupied voxel, (M, 3), in voxel order."""
-    cells = np.floor(points / edge_m).astype(np.int64)
-    _, inverse, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    sums = np.zeros((len(counts), points.shape[1]))
-    np.add.at(sums, inverse.reshape(-1), points)
-    return np.asarray(sums / counts[:, None])
+    return Voxels.of(points, edge_m).middles
 
 
 def centre_of_mass(p_WSurface: Array, X_WU: Array | None) -> Array:

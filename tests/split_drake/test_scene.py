@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from split_drake.camera import DepthView, Intrinsics, look_at
-from split_drake.scene import EmptySceneError, Scene, Workspace, farthest_points, occupancy_grid
+from split_drake.scene import (
+    EmptySceneError,
+    Scene,
+    Voxels,
+    Workspace,
+    farthest_points,
+    occupancy_grid,
+)
 from split_drake.station.layout import Layout
 
 TOP, SIDE = Layout().cameras
@@ -192,3 +199,18 @@ def test_an_empty_cloud_is_an_error() -> None:
         Scene.from_views([view_of(np.full((480, 640), 0.6))], WORKSPACE)
     with pytest.raises(ValueError, match="no depth views"):
         Scene.from_views([], WORKSPACE)
+
+
+def test_voxels_hold_the_points_that_lie_in_them_in_order() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-0.05, 0.05, (3000, 3)) * (1.0, 1.0, 0.1)
+    voxels = Voxels.of(points, 0.01)
+    cells, of_point, counts = np.unique(
+        np.floor(points / 0.01).astype(int), axis=0, return_inverse=True, return_counts=True
+    )
+    np.testing.assert_array_equal(voxels.of_point, of_point.reshape(-1))
+    np.testing.assert_array_equal(voxels.counts, counts)
+    for voxel in range(0, len(cells), 7):
+        mean = points[voxels.of_point == voxel].mean(axis=0)
+        np.testing.assert_allclose(voxels.middles[voxel], mean, atol=1e-12)
+    assert Voxels.of(np.empty((0, 3)), 0.01).middles.shape == (0, 3)
