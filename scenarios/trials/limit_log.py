@@ -7,14 +7,14 @@ from weakref import WeakMethod
 import numpy as np
 from pydrake.systems.framework import Context
 
-from split_drake.poses import Array
 from split_drake.robot.panda import arm_limits, weight_torques_nm
 from split_drake.station.station import Station
 from split_drake.truth.state import Truth
 
 MAX_PAD_DEPTH_M = 0.002
-# Joints' states are looked at after every step of the plant, pads and the arm's weight this often.
+# Pads are looked at this often, the joints of all steps so many looks at a time.
 _LOOK_S = 0.01
+_LOOKS_A_READING = 10
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class LimitLog:
     """Watches a station from its making on; uses the simulator's one monitor.
 
     Args:
-        station: with the mug as its first object.
+        station: that is logged, with the mug as its first object.
         truth: of the station.
     """
 
@@ -80,8 +80,7 @@ class LimitLog:
         self._limits = arm_limits()
         self._margin_rad = float("inf")
         self._velocity = self._torque = self._depth_m = self._fixture_depth_m = 0.0
-        self._states: list[Array] = []
-        self._torques_nm: list[Array] = []
+        self._looks = 0
         self._next_look_s = station.time_s
         # The simulator would keep what it calls, and this keeps the simulator.
         watching: WeakMethod[Callable[[Context], None]] = WeakMethod(self._watch)
@@ -91,32 +90,40 @@ class LimitLog:
     def peaks(self) -> Peaks:
         """The extremes so far."""
         self._look()
+        self._read_joints()
         depths = (self._depth_m, self._fixture_depth_m)
         return Peaks(self._margin_rad, self._velocity, self._torque, *depths)
 
     def _watch(self, context: Context) -> None:
-        self._states.append(self._station.panda_state)
-        self._torques_nm.append(self._station.joint_torques_nm)
         if context.get_time() > self._next_look_s - 1e-9:
             self._look()
             self._next_look_s += _LOOK_S
 
     def _look(self) -> None:
-        """Take in the steps since the last look, and how deep the robot is in something now."""
-        if not self._states:
-            return
-        limits, states = self._limits, np.array(self._states)
-        qs, vs = states[:, :7], states[:, 9:16]
-        margin = min((qs - limits.q_lower).min(), (limits.q_upper - qs).min())
-        self._margin_rad = min(self._margin_rad, float(margin))
-        self._velocity = max(self._velocity, float((np.abs(vs) / limits.v_max).max()))
-        torques = np.array(self._torques_nm) + weight_torques_nm(qs[-1])
-        self._torque = max(self._torque, float((np.abs(torques) / limits.effort_max_nm).max()))
-        self._states.clear()
-        self._torques_nm.clear()
+        """Take in how deep the robot is in something now, and from time to time its joints."""
         depth_m, fixture_depth_m = self._truth.robot_depths_m()
         self._depth_m = max(self._depth_m, depth_m)
         self._fixture_depth_m = max(self._fixture_depth_m, fixture_depth_m)
+        self._looks += 1
+        if self._looks % _LOOKS_A_READING == 0:
+            self._read_joints()
+
+    def _read_joints(self) -> None:
+        """Take in the joints in the steps since they were read last, and the arm's weight.
+
+        That changes evenly in so short a time.
+        """
+        states, torques_nm = self._station.take_log()
+        if not len(states):
+            return
+        limits, qs, vs = self._limits, states[:, :7], states[:, 9:16]
+        margin = min((qs - limits.q_lower).min(), (limits.q_upper - qs).min())
+        self._margin_rad = min(self._margin_rad, float(margin))
+        self._velocity = max(self._velocity, float((np.abs(vs) / limits.v_max).max()))
+        carried_nm = torques_nm + np.linspace(
+            weight_torques_nm(qs[0]), weight_torques_nm(qs[-1]), len(qs)
+        )
+        self._torque = max(self._torque, float((np.abs(carried_nm) / limits.effort_max_nm).max()))
 
 
 def _call(watching: WeakMethod[Callable[[Context], None]], context: Context) -> None:

@@ -82,6 +82,7 @@ def set_up(spec: TrialSpec, rngs: TrialGenerators) -> Setup:
             [mug.body, *others],
             meshcat=recorder.meshcat if recorder else None,
             sensor_rng=rngs.sensor,
+            logged=True,
         )
         truth = Truth(station)
         for index in range(1, len(station.objects)):

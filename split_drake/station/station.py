@@ -29,6 +29,7 @@ from split_drake.station.objects.resting_points import let_objects_bear, with_re
 from split_drake.station.steps import (
     add_command,
     add_detector,
+    add_logs,
     add_meshcat,
     add_plant,
     export_state,
@@ -57,6 +58,7 @@ class Station:
 
     Args:
         sensor_rng: what the depth cameras' noise is drawn from, where the configuration has any.
+        logged: whether what the robot measures in every step is kept for `take_log`.
         bearing: whether objects stand on the table by points at their hulls' corners, as in clutter
             (`split_drake.station.objects.resting_points`), or by their collision pieces.
     """
@@ -69,6 +71,7 @@ class Station:
         detector_system: PoseDetectorSystem | None = None,
         bearing: bool = False,
         sensor_rng: np.random.Generator | None = None,
+        logged: bool = False,
     ) -> None:
         self.config = config
         self._noise, self._sensor_rng = DEPTH_NOISE[config.depth_noise], sensor_rng
@@ -90,6 +93,7 @@ class Station:
             let_objects_bear(self.plant, self._scene_graph, added, table)
         add_command(builder, self.plant, self._panda, self.config)
         export_state(builder, self.plant, self._panda)
+        self._sinks = add_logs(builder, self.plant, self._panda) if logged else ()
         self._rendered_scene = add_rendered_scene(
             builder,
             self.plant,
@@ -172,6 +176,19 @@ class Station:
     def panda_state(self) -> Array:
         """Positions (9,), then velocities (9,), of the seven joints and both fingers."""
         return self._state_port.Eval(self._context)
+
+    def take_log(self) -> tuple[Array, Array]:
+        """Return `panda_state` (N, 18) and joint torques (N, 7) of the steps since the last call.
+
+        Raises RuntimeError where the station is not `logged`.
+        """
+        if not self._sinks:
+            raise RuntimeError("the station keeps no log; make it with logged=True")
+        logs = [sink.FindMutableLog(self._context) for sink in self._sinks]
+        states, torques = (log.data().T.copy() for log in logs)
+        for log in logs:
+            log.Clear()
+        return states, torques[:, :7]
 
     def capture(self) -> tuple[DepthView, ...]:
         """Return what the depth cameras see now, in the layout's order."""

@@ -21,6 +21,7 @@ from pydrake.multibody.plant import (
 )
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 from pydrake.systems.sensors import RgbdSensor
 
 from split_drake.robot.arm_command import arm_command_system
@@ -108,6 +109,16 @@ def export_state(builder: DiagramBuilder, plant: MultibodyPlant, panda: ModelIns
     """Export the Panda's positions and velocities, and the efforts of its joints."""
     builder.ExportOutput(plant.get_state_output_port(panda), "panda_state")
     builder.ExportOutput(plant.get_net_actuation_output_port(panda), "panda_torques")
+
+
+def add_logs(
+    builder: DiagramBuilder, plant: MultibodyPlant, panda: ModelInstanceIndex
+) -> tuple[VectorLogSink, VectorLogSink]:
+    """Let the Panda's state, and the efforts of its joints, be logged after every step."""
+    return (
+        LogVectorOutput(plant.get_state_output_port(panda), builder),
+        LogVectorOutput(plant.get_net_actuation_output_port(panda), builder),
+    )
 
 
 def add_detector(

@@ -10,7 +10,6 @@ from scenarios.trials.records import TrialRecord, worst_peaks
 from scenarios.trials.report.page import row_of
 from scenarios.trials.report.summary import rates_by_width
 from split_drake.objects.mugs.split import load_mug
-from split_drake.poses import Array
 from split_drake.robot.panda import MAX_WEIGHT_NM, arm_limits, weight_torques_nm
 from split_drake.robot.posture import Q_HOME
 from split_drake.station.station import Station
@@ -21,8 +20,12 @@ from tests.helpers.stations import STATION
 WITHIN = Peaks(0.5, 0.7, 0.6, 0.001)
 
 
+def watched() -> Station:
+    return Station(STATION, [load_mug("test_004").body], logged=True)
+
+
 def test_an_arm_at_rest_feels_its_weight_alone() -> None:
-    station = Station(STATION, [load_mug("test_004").body])
+    station = watched()
     log = LimitLog(station, Truth(station))
     station.advance(0.05)
     limits = arm_limits()
@@ -35,7 +38,7 @@ def test_an_arm_at_rest_feels_its_weight_alone() -> None:
 
 
 def test_a_commanded_jump_is_seen_as_too_fast() -> None:
-    station = Station(STATION, [load_mug("test_004").body])
+    station = watched()
     log = LimitLog(station, Truth(station))
     station.command(Q_HOME + 0.5, np.zeros(7), 0.08, 40.0)
     station.advance(0.3)
@@ -44,26 +47,32 @@ def test_a_commanded_jump_is_seen_as_too_fast() -> None:
     assert any(text.startswith("velocity") for text in log.peaks.exceeded())
 
 
-def test_a_single_fast_step_between_two_looks_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    station = Station(STATION, [load_mug("test_004").body])
+def test_a_single_fast_step_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    station = watched()
     log = LimitLog(station, Truth(station))
-    read, steps = vars(Station)["panda_state"].fget, [0]
-
-    def spiked(station: Station) -> Array:
-        state: Array = read(station).copy()
-        steps[0] += 1
-        if steps[0] == 8:
-            state[9:16] = 2.0 * arm_limits().v_max
-        return state
-
-    monkeypatch.setattr(Station, "panda_state", property(spiked))
     station.advance(0.03)
-    assert steps[0] == 15
+    states, torques_nm = station.take_log()
+    assert len(states) == len(torques_nm) >= 15
+    states[8, 9:16] = 2.0 * arm_limits().v_max
+    monkeypatch.setattr(station, "take_log", lambda: (states, torques_nm))
     assert log.peaks.velocity_share == pytest.approx(2.0)
 
 
+def test_joints_are_read_in_every_step_and_once() -> None:
+    station = watched()
+    station.take_log()
+    station.advance(0.02)
+    states, torques_nm = station.take_log()
+    assert states.shape == (10, 18) and torques_nm.shape == (10, 7)
+    np.testing.assert_array_equal(states[-1], station.panda_state)
+    np.testing.assert_array_equal(torques_nm[-1], station.joint_torques_nm)
+    assert len(station.take_log()[0]) == 0
+    with pytest.raises(RuntimeError, match="logged=True"):
+        Station(STATION).take_log()
+
+
 def test_a_hand_in_the_table_is_seen() -> None:
-    station = Station(STATION, [load_mug("test_004").body])
+    station = watched()
     log = LimitLog(station, Truth(station))
     station.advance(0.02)
     assert log.peaks.fixture_depth_m == 0.0
