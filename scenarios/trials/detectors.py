@@ -26,6 +26,11 @@ if TYPE_CHECKING:  # PyTorch is imported by those who need it
     from split_drake.split.detector import SplitDetector
 
 
+# A fifth of the simulation's time less than `StationConfig`'s own, and mugs are held as well
+# (`scenarios.measuring.physics_study`).
+TRIAL_STEP_S = 0.0025
+
+
 @dataclass(frozen=True)
 class Detectors:
     """The detectors of a trial, by when they are asked.
@@ -79,12 +84,13 @@ def station_of(detector: str, checkpoint: Path | None, file: Path | None = None)
 
 def _usual_station(detector: str, checkpoint: Path | None) -> StationConfig:
     """Return a station whose workspace is the one that the detector was trained on."""
-    if detector != "split":
-        return StationConfig(Layout())
-    from split_drake.split.checkpoint import default_weights, load_checkpoint
+    layout = Layout()
+    if detector == "split":
+        from split_drake.split.checkpoint import default_weights, load_checkpoint
 
-    _, info = load_checkpoint(checkpoint or default_weights())
-    return StationConfig(Layout(workspace=info.workspace))
+        _, info = load_checkpoint(checkpoint or default_weights())
+        layout = Layout(workspace=info.workspace)
+    return StationConfig(layout, time_step_s=TRIAL_STEP_S)
 
 
 @lru_cache(maxsize=1)

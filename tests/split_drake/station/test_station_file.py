@@ -10,7 +10,6 @@ import yaml
 
 from split_drake.bad_input import BadInputError
 from split_drake.camera import look_at
-from split_drake.models_folder import MODELS_FOLDER
 from split_drake.poses import make_pose, rotation_x, rotation_z
 from split_drake.scene import Workspace
 from split_drake.sensing.camera_file import read_cameras
@@ -42,7 +41,6 @@ def same(one: StationConfig, other: StationConfig) -> bool:
 
 def test_an_empty_section_leaves_all_as_it_is(tmp_path: Path) -> None:
     assert same(read(tmp_path, {"contact": {}}), STATION)
-    assert same(read_station(MODELS_FOLDER / "stations/default.yaml", STATION), STATION)
 
 
 def test_every_section_is_honoured(tmp_path: Path) -> None:
