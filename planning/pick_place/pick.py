@@ -10,7 +10,7 @@ from planning.collision.exemptions import TABLE_LIFT_M
 from planning.collision.world import CollisionWorld, Situation
 from planning.geometry.perceived import PerceivedObject
 from planning.geometry.waypoints import APPROACH_M, LINE_STEP_M, backed_off, shifted, straight_line
-from planning.motion.ik import DrakeIk, IkSolutions, follow
+from planning.motion.ik import DrakeIk, follow, solve_ik
 from planning.pick_place.fingers import RELEASE_CLEARANCE_M, FingerFit, fit_fingers
 from planning.subgoal import AllowedContact
 from split_drake.poses import Array, invert_pose, transform_points
@@ -97,8 +97,8 @@ class PickSearch:
         self._ik = ik
         self.rejected: Counter[str] = Counter()
 
-    def find(self, X_WG: Array, fit: FingerFit, solutions: IkSolutions, index: int) -> Pick | None:
-        """Return a pick at the grasp, whose solutions are number `index` of `solutions`."""
+    def find(self, X_WG: Array, fit: FingerFit) -> Pick | None:
+        """Return a pick at the grasp (4, 4), where the hand fits as given, or None."""
         if not fit.clears:
             self.rejected["no opening clears the object"] += 1
             return None
@@ -106,7 +106,7 @@ class PickSearch:
         if not (fit.pinches or fit_fingers(X_WG, self._target.p_WSurface).pinches):
             self.rejected["nothing between the pads"] += 1
             return None
-        qs = solutions.of(index, Q_COMFORT)
+        qs = solve_ik(X_WG[None]).of(0, Q_COMFORT)
         ways, reason = self._ways(X_WG, fit) if len(qs) else (None, "IK")
         if ways is not None:
             for q in self._configurations(X_WG, qs):

@@ -8,7 +8,7 @@ import numpy as np
 from planning.collision.exemptions import clear_of_palm
 from planning.collision.world import CollisionWorld, Situation
 from planning.geometry.focus import filled_down
-from planning.geometry.modes import away_from, distinct_modes
+from planning.geometry.modes import away_from
 from planning.geometry.perceived import PerceivedObject, best_upright
 from planning.geometry.waypoints import (
     LINE_STEP_M,
@@ -16,13 +16,12 @@ from planning.geometry.waypoints import (
     place_grasp,
     shifted,
     straight_line,
-    with_half_turns,
 )
 from planning.motion.free import FreeMotion, MotionQuery, NoMotion, free_motion
 from planning.motion.ik import DrakeIk, IkSolutions, follow, solve_ik
-from planning.pick_place.fingers import FingerFit, fit_fingers, settled
+from planning.pick_place.candidates import Candidates
 from planning.pick_place.pairs import BestPairs
-from planning.pick_place.pick import Pick, PickSearch, balance, firmness, held_pick
+from planning.pick_place.pick import Pick, PickSearch, held_pick
 from planning.pick_place.place import Place, PlaceSearch
 from planning.pick_place.reach import within_reach
 from planning.pick_place.segments import Route, moves_after, plan_segments, shortened
@@ -36,10 +35,6 @@ from split_drake.robot.kinematics import gripper_pose
 from split_drake.station.layout import Layout, same_fixtures
 
 # Bounds of the search; the clock plays no part, so that the same seed gives the same plan.
-MAX_GRASPS = 256
-# Where a pose set has fewer modes than that, more of their poses are tried, at this share of their
-# score.
-REPEATED_MODE = 0.5
 MAX_PAIRS = 6000
 MAX_PLACES = 1500
 MAX_ROUTES = 12
@@ -135,9 +130,7 @@ class _Search:
         self._rng = rng
         self._picks = PickSearch(world, target, ik)
         self._places = PlaceSearch(world, target)
-        self._X_WGs = np.empty((0, 4, 4))
-        self._fits: list[FingerFit] = []
-        self._solutions = solve_ik(self._X_WGs)
+        self._candidates: Candidates | None = None
         self._found: dict[int, tuple[Pick, IkSolutions]] = {}
         self._counts: Counter[str] = Counter()
 
@@ -157,9 +150,9 @@ class _Search:
             return PlanFailure(Stage.PLANNING, "no grasp is in reach")
         if not len(untried):
             return PlanFailure(Stage.PLANNING, "no grasp is left that is unlike those that failed")
-        self._X_WGs, self._fits, scores = self._candidates(untried, p_WSurface)
-        self._solutions = solve_ik(self._X_WGs)
-        return self._first_plan(BestPairs(scores, [goal.score for goal in self._goals]))
+        self._candidates = candidates = Candidates(untried, self._target, p_WSurface)
+        goal_scores = [goal.score for goal in self._goals]
+        return self._first_plan(BestPairs(candidates.bounds, goal_scores, candidates.score))
 
     def _first_plan(self, pairs: BestPairs) -> Plan | PlanFailure:
         for row, column in pairs:
@@ -175,27 +168,14 @@ class _Search:
         return PlanFailure(Stage.PLANNING, self._reason(), self._statistics())
 
     def _find_pick(self, row: int) -> bool:
+        """Return whether a grasp can be picked by; what is in the hand is found from the start."""
+        if self._candidates is None:
+            return False
         self._counts["grasps"] += 1
-        pick = self._picks.find(self._X_WGs[row], self._fits[row], self._solutions, row)
+        pick = self._picks.find(*self._candidates.at(row))
         if pick is not None:
             self._found[row] = (pick, self._solve_goals(pick))
         return pick is not None
-
-    def _candidates(
-        self, grasps: PoseSet, p_WSurface: Array
-    ) -> tuple[Array, list[FingerFit], Array]:
-        """Return grasps (2N, 4, 4) to try, both half-turns of each, their fits and scores (2N,)."""
-        preferred = PoseSet.ranked(
-            grasps.task, grasps.X_WPs, grasps.scores * balance(grasps.X_WPs, self._target)
-        )
-        modes = distinct_modes(preferred.X_WPs, MAX_GRASPS, GRASP.symmetry)
-        chosen = modes + [i for i in range(len(preferred)) if i not in modes]
-        chosen = chosen[:MAX_GRASPS]
-        novelty = np.where(np.isin(chosen, modes), 1.0, REPEATED_MODE)
-        X_WGs = np.stack([settled(X_WG, p_WSurface) for X_WG in preferred.X_WPs[chosen]])
-        fits = [fit_fingers(X_WG, p_WSurface) for X_WG in X_WGs]
-        scores = preferred.scores[chosen] * firmness(fits) * novelty
-        return with_half_turns(X_WGs), 2 * fits, np.tile(scores, 2)
 
     def _solve_goals(self, pick: Pick) -> IkSolutions:
         return solve_ik(

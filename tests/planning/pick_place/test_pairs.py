@@ -36,5 +36,26 @@ def test_what_is_dropped_on_the_way_is_left_out_and_nothing_else(
     assert [pair for pair in taken if pair[0] not in dropped] == kept
 
 
+@given(scores, scores, st.data())
+def test_scores_found_out_late_give_the_same_order_and_none_is_asked_for_in_vain(
+    rows: list[float], columns: list[float], data: st.DataObject
+) -> None:
+    bounds = [row + data.draw(st.sampled_from([0.0, 0.25])) for row in rows]
+    asked: list[int] = []
+
+    def exact(row: int) -> float:
+        asked.append(row)
+        return rows[row]
+
+    expected, taken = sorted_pairs(rows, columns), []
+    best = max(columns, default=0.0)
+    for row, column in BestPairs(bounds, columns, exact):
+        taken.append((row, column))
+        reached = rows[row] * columns[column]
+        assert all(bounds[each] * best >= reached for each in asked)
+    assert taken == expected
+    assert len(asked) == len(set(asked))
+
+
 def test_nothing_pairs_with_nothing() -> None:
     assert list(BestPairs([], [0.5])) == list(BestPairs([0.5], [])) == []

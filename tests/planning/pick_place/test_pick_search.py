@@ -11,7 +11,7 @@ from planning.collision.exemptions import TABLE_LIFT_M
 from planning.collision.world import CollisionWorld, Situation
 from planning.geometry.perceived import PerceivedObject
 from planning.geometry.waypoints import backed_off, shifted
-from planning.motion.ik import DrakeIk, solve_ik
+from planning.motion.ik import DrakeIk
 from planning.pick_place.fingers import MIN_CLEARANCE_M, FingerFit, fit_fingers
 from planning.pick_place.pick import (
     APPROACHES_M,
@@ -44,7 +44,7 @@ def search(p_WExtra: Array | None = None) -> PickSearch:
 
 
 def find(picks: PickSearch, X_WG: Array = X_WG, fit: FingerFit = FIT) -> Pick | None:
-    return picks.find(X_WG, fit, solve_ik(X_WG[None]), 0)
+    return picks.find(X_WG, fit)
 
 
 def in_hand(p_G: tuple[float, float, float]) -> Array:
