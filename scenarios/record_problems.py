@@ -9,13 +9,12 @@ problems of one seed share their scene, but where a start serves one task and no
 
 import logging
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from rich.console import Console
@@ -25,7 +24,7 @@ from planning.collision.world import CollisionWorld, Situation
 from planning.geometry.focus import focus_on_one
 from planning.geometry.perceived import OBSTACLE_VOXEL_M, voxel_centroids
 from planning.problem import PlanningProblem
-from planning.problem_files import compact, save_problems
+from planning.problem_files import compact, load_problems, save_problems
 from planning.subgoal import find_subgoal
 from scenarios.trials.detectors import require_working_detector, station_of
 from scenarios.trials.mug_check import GRASPS, MugCheck
@@ -35,7 +34,9 @@ from scenarios.trials.setup import TrialGenerators, set_up
 from scenarios.trials.spec import TrialSpec
 from split_drake.bad_input import require_count, require_number, require_numbers
 from split_drake.experiments.command import run_command
+from split_drake.experiments.parts import Parts, parts_of
 from split_drake.experiments.pools import LOCAL, make_pool, require_scheduler
+from split_drake.experiments.provenance import code_version, file_sha256
 from split_drake.experiments.run import NoResultsError
 from split_drake.objects.scanned.mug_source import MugSource
 from split_drake.objects.scanned.usable import usable_mugs
@@ -57,6 +58,8 @@ _LIMIT_S = 600.0
 # Starts are drawn from a stream of their own, so that scenes are those of trials.
 _START_STREAM = 7
 _LEAST_DESCENT = 0.5
+# What may differ when a recording goes on: it changes no problem.
+_FREE_KEYS = ("count", "workers", "scheduler", "out")
 Starts = Literal["home", "any"]
 
 
@@ -127,12 +130,14 @@ class Recorded:
         name: of the problem.
         problem: compact; None where there is none.
         reason: why; empty where there is one.
+        crashed: whether there may be one at another try.
     """
 
     index: int
     name: str
     problem: PlanningProblem | None
     reason: str = ""
+    crashed: bool = False
 
 
 def specs_of(
@@ -210,47 +215,78 @@ def free_start(layout: Layout, p_WPs: Array, rng: np.random.Generator) -> Array:
 
 
 def _crashed(spec: TrialSpec, reason: str) -> Recorded:
-    return Recorded(spec.index, f"seed {spec.seed}", None, reason)
+    return Recorded(spec.index, f"seed {spec.seed}", None, reason, crashed=True)
 
 
 def record(
-    options: RecordOptions, specs: Sequence[TrialSpec], folder: Path, console: Console
-) -> list[Recorded]:
-    """Return what became of all starts, in their order; true grasps lie in `folder`."""
+    options: RecordOptions, mugs: MugSource, grasps: Path, parts: Parts, console: Console
+) -> dict[str, PlanningProblem]:
+    """Return the problems of all starts by their names; true grasps lie in the folder `grasps`.
+
+    Those in `parts` are not recorded again, and each one is put there; a line tells why another
+    start has none.
+    """
+    specs = specs_of(options, mugs, grasps)
+    missing = [specs[index] for index in parts.missing(len(specs))]
     pool = make_pool(
         options.scheduler,
         options.workers,
         partial(record_problem, options.starts),
         _crashed,
         limit_s=_LIMIT_S,
-        run=folder,
+        run=grasps,
         kept=(GRASPS,),
     )
-    found = track(pool.run(specs), "recording", total=len(specs), console=console)
-    return sorted(found, key=lambda recorded: recorded.index)
+    crashed: set[int] = set()
+    for found in track(pool.run(missing), "recording", total=len(missing), console=console):
+        if found.problem is None:
+            console.print(f"{found.name}: left out: {found.reason}", markup=False)
+        if found.crashed:
+            crashed.add(found.index)
+        else:
+            problems = {} if found.problem is None else {found.name: found.problem}
+            save_problems(parts.path(found.index), problems)
+    recorded: dict[str, PlanningProblem] = {}
+    for index in range(len(specs)):
+        recorded |= {} if index in crashed else load_problems(parts.path(index))
+    return recorded
+
+
+def recording_config(options: RecordOptions, mugs: MugSource) -> dict[str, Any]:
+    """Return what tells whether parts of a recording are of the same one."""
+    from split_drake.split.checkpoint import default_weights
+
+    weights = options.checkpoint or default_weights()
+    return {
+        **asdict(options),
+        "mugs_sha256": mugs.mugs_sha256(),
+        "station_sha256": [file_sha256(file) for file in options.station],
+        "checkpoint_sha256": file_sha256(weights) if "split" in options.detectors else None,
+        **code_version(),
+    }
 
 
 def main(options: RecordOptions) -> Path:
-    """Record the problems, and return their file."""
+    """Record the problems, and return their file; interrupted, the same call goes on."""
     console = Console()
     require_scheduler(options.scheduler)
     for detector, task in product(options.detectors, options.tasks):
         require_working_detector(detector, options.checkpoint, find_subgoal(task))
     station = _station(options, options.detectors[0], 0)
+    options.out.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as scratch:
         grasps = Path(scratch)
         trial = MugCheck(station, grasps if "oracle" in options.detectors else None, grasps)
         mugs = usable_mugs(MugSource(options.mugs), options.workers, console, trial).source
-        found = record(options, specs_of(options, mugs, grasps), grasps, console)
-    for recorded in found:
-        if recorded.problem is None:
-            console.print(f"{recorded.name}: left out: {recorded.reason}")
-    problems = {r.name: r.problem for r in found if r.problem is not None}
-    if not problems:
-        raise NoResultsError(f"none of {len(found)} starts gave a problem; nothing is written")
-    save_problems(options.out, problems)
+        with parts_of(options.out, recording_config(options, mugs), _FREE_KEYS) as parts:
+            problems = record(options, mugs, grasps, parts, console)
+            if not problems:
+                raise NoResultsError(
+                    f"none of {options.count} starts gave a problem; nothing is written"
+                )
+            save_problems(options.out, problems)
     megabytes = options.out.stat().st_size / 1e6
-    console.print(f"{len(problems)} problems, {megabytes:.2f} MB: {options.out}")
+    console.print(f"{len(problems)} problems, {megabytes:.2f} MB: {options.out}", markup=False)
     return options.out
 
 

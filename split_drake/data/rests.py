@@ -6,6 +6,7 @@ With ``--mugs DIR`` those of your own meshes go to ``datasets/mugs``.
 """
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -17,7 +18,9 @@ from scipy.spatial.transform import Rotation
 
 from split_drake.bad_input import BadInputError, require_numbers
 from split_drake.experiments.command import run_command
+from split_drake.experiments.parts import parts_of
 from split_drake.experiments.pools import LOCAL, make_pool, require_scheduler
+from split_drake.experiments.provenance import code_version
 from split_drake.files import interpreting, read_npz, replacing
 from split_drake.objects.rigid import RigidObject
 from split_drake.objects.scanned.mug_source import MugSource
@@ -25,6 +28,7 @@ from split_drake.objects.scanned.usable import usable_mugs
 from split_drake.poses import Array
 from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
+from split_drake.station.layout_file import layout_to_fields
 from split_drake.station.station import Station
 from split_drake.truth.rest import axis_tilt_rad, wait_for_rest
 from split_drake.truth.starts import SETTLE_TIMEOUT_S, UPSIDE_DOWN_RAD, drop_pose
@@ -90,6 +94,11 @@ def _kept(path: Path, source: MugSource) -> dict[str, Rests]:
         raise RestsError(
             f"{path} is missing; python -m split_drake.data.rests --mugs {source.where} makes it"
         )
+    return _read(path, source)
+
+
+def _read(path: Path, source: MugSource) -> dict[str, Rests]:
+    """Return the rests in a file by their mugs' names; RestsError where it is of other mugs."""
     keys = ("names", "X_TOs", "dropped")
     arrays = read_npz(path, _WHAT, required=("mugs_sha256", *keys))
     if (found := str(arrays["mugs_sha256"])) != (expected := source.mugs_sha256()):
@@ -153,25 +162,47 @@ def _settle_mug(source: MugSource, count: int, layout: Layout, name: str) -> tup
 
 
 def settle_split(config: SettleConfig, layout: Layout) -> None:
-    """Write the rests of a split's or a folder's mugs on the table of a layout."""
+    """Write the rests of a split's or a folder's mugs on the table of a layout.
+
+    Those of each mug are kept as they arise, and the same call goes on with the others.
+    """
     require_scheduler(config.scheduler)
     source = usable_mugs(MugSource(config.mugs), config.workers, Console()).source
-    names = source.names()
-    settle_mug = partial(_settle_mug, source, config.count, layout)
-    pool = make_pool(config.scheduler, config.workers, settle_mug)
-    found = dict(track(pool.run(names), "mugs", total=len(names)))
-    rests = [found[name] for name in names]
-    with replacing(rests_path(config.mugs)) as temporary:
+    names, file = list(source.names()), rests_path(config.mugs)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    asked = {
+        "count": config.count,
+        "layout": layout_to_fields(layout),
+        "mugs_sha256": source.mugs_sha256(),
+        **code_version(),
+    }
+    with parts_of(file, asked) as parts:
+        missing = parts.missing(len(names))
+        settle_mug = partial(_settle_mug, source, config.count, layout)
+        arriving = make_pool(config.scheduler, config.workers, settle_mug).run(
+            [names[number] for number in missing]
+        )
+        for name, rests in track(arriving, "mugs", total=len(missing)):
+            _save(parts.path(names.index(name)), source, {name: rests})
+        found: dict[str, Rests] = {}
+        for number in range(len(names)):
+            found |= _read(parts.path(number), source)
+        _save(file, source, found)
+    dropped = sum(rests.dropped for rests in found.values())
+    print(f"{len(names) * config.count} rests of {dropped} drops")
+
+
+def _save(path: Path, source: MugSource, rests: Mapping[str, Rests]) -> None:
+    """Write rests by their mugs' names, atomically."""
+    with replacing(path) as temporary:
         np.savez_compressed(
             temporary,
             allow_pickle=False,
-            names=np.array(names),
+            names=np.array(list(rests)),
             mugs_sha256=np.array(source.mugs_sha256()),
-            X_TOs=np.stack([r.X_TOs for r in rests]).astype(np.float32),
-            dropped=np.array([r.dropped for r in rests]),
+            X_TOs=np.stack([each.X_TOs for each in rests.values()]).astype(np.float32),
+            dropped=np.array([each.dropped for each in rests.values()]),
         )
-    dropped = sum(r.dropped for r in rests)
-    print(f"{len(names) * config.count} rests of {dropped} drops")
 
 
 if __name__ == "__main__":

@@ -11,12 +11,12 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from split_drake.data.clutter.library import GraspLibrary
 from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScenes
 from split_drake.objects.procedural.split import ProceduralSource
 from split_drake.objects.task_object import TaskObject
 from split_drake.station.layout import Layout
 from tests.benchmarks.processor import processor
+from tests.split_drake.data.clutter.conftest import write_library
 
 OBJECTS, SCENES, REPEATS = 40, 40, 3
 
@@ -41,7 +41,7 @@ class EachKind:
 @pytest.fixture(scope="module")
 def recipe(tmp_path_factory: pytest.TempPathFactory) -> ClutterRecipe:
     path = tmp_path_factory.mktemp("library") / "grasps.npz"
-    GraspLibrary.work_out(EachKind(), workers=1).save(path)
+    write_library(EachKind(), path)
     return ClutterRecipe(EachKind(), path, Layout())
 
 

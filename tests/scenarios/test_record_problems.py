@@ -1,5 +1,6 @@
 """Recorded problems are those that a trial's planner is asked; regions grow from their plans."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,9 +16,19 @@ from planning.problem_files import SHIPPED_PROBLEMS, load_problems, save_problem
 from scenarios import record_problems
 from scenarios.making import grow_regions
 from scenarios.making.grow_regions import GrowOptions
-from scenarios.record_problems import MAX_POSES, RecordOptions, main, record_problem, specs_of
+from scenarios.record_problems import (
+    MAX_POSES,
+    Recorded,
+    RecordOptions,
+    Starts,
+    main,
+    record_problem,
+    specs_of,
+)
 from scenarios.trials.mug_check import MugCheck
+from scenarios.trials.spec import TrialSpec
 from split_drake.bad_input import BadInputError
+from split_drake.experiments.pool import InThisProcess
 from split_drake.models_folder import MODELS_FOLDER
 from split_drake.objects.mugs.split import load_mug
 from split_drake.poses import make_pose
@@ -28,6 +39,12 @@ from split_drake.station.layout import Layout
 from tests.helpers.planning import STANDING, mug_problem
 
 HANG_PROBLEM = "hang-oracle-test-0"
+
+
+def in_this_process(
+    scheduler: str, workers: int, work: Callable[[TrialSpec], Recorded], *_: object, **__: object
+) -> InThisProcess[TrialSpec, Recorded]:
+    return InThisProcess(work)
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +63,49 @@ def test_tasks_take_turns_and_the_same_seed_gives_the_same_problem(file: Path) -
     np.testing.assert_allclose(found[HANG_PROBLEM].p_WPs, again.p_WPs, atol=1e-4)
     assert len(found[HANG_PROBLEM].pose_sets["grasp"]) <= MAX_POSES["grasp"]
     np.testing.assert_allclose(again.q_start, Q_HOME, atol=0.01)
+
+
+def test_an_interrupted_recording_goes_on(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[int] = []
+
+    def interrupting(starts: Starts, spec: TrialSpec) -> Recorded:
+        started.append(spec.index)
+        if spec.index == 1 and started.count(1) == 1:
+            raise KeyboardInterrupt
+        return record_problem(starts, spec)
+
+    monkeypatch.setattr(record_problems, "record_problem", interrupting)
+    monkeypatch.setattr(record_problems, "make_pool", in_this_process)
+    options = RecordOptions(count=2, detectors=("oracle",), out=tmp_path / "p.npz")
+    with pytest.raises(SystemExit, match="the same command goes on"):
+        main(options)
+    assert not options.out.exists()
+    main(replace(options, workers=1))
+    assert started == [0, 1, 1]
+    found, whole = load_problems(options.out), load_problems(file)
+    assert list(found) == list(whole)
+    for name, problem in whole.items():
+        np.testing.assert_array_equal(found[name].p_WPs, problem.p_WPs)
+        for task, poses in problem.pose_sets.items():
+            np.testing.assert_array_equal(found[name].pose_sets[task].X_WPs, poses.X_WPs)
+    assert list(tmp_path.iterdir()) == [options.out]
+
+
+def test_a_start_without_a_problem_is_told_and_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refusing(starts: Starts, spec: TrialSpec) -> Recorded:
+        if spec.index == 0:
+            return Recorded(0, "first", None, "nothing was seen")
+        return record_problem(starts, spec)
+
+    monkeypatch.setattr(record_problems, "record_problem", refusing)
+    monkeypatch.setattr(record_problems, "make_pool", in_this_process)
+    options = RecordOptions(count=2, detectors=("oracle",), out=tmp_path / "p.npz")
+    assert len(load_problems(main(options))) == 1
+    assert "first: left out: nothing was seen" in capsys.readouterr().out
 
 
 def test_problems_of_own_mugs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -20,7 +20,9 @@ from rich.progress import track
 from split_drake.bad_input import BadInputError, require_count
 from split_drake.data.clutter.sizes import clutter_source
 from split_drake.experiments.command import run_command
+from split_drake.experiments.parts import Parts, parts_of
 from split_drake.experiments.pool import InThisProcess, WorkerPool
+from split_drake.experiments.provenance import code_version
 from split_drake.files import interpreting, read_npz, replacing, split_rows
 from split_drake.grasps.clutter_judge import CONE_RAD, LEAST_QUALITY, LEAST_WIDTH_M
 from split_drake.grasps.judge import GraspJudge
@@ -202,13 +204,22 @@ class GraspLibrary:
     grasps: dict[str, ObjectGrasps]
 
     @classmethod
-    def work_out(cls, source: ObjectSource, workers: int) -> Self:
-        """Return the grasps of all objects of a source, half a second of CPU each."""
-        names = source.names()
+    def work_out(cls, source: ObjectSource, workers: int, parts: Parts) -> Self:
+        """Return the grasps of all objects of a source, half a second of CPU each.
+
+        What is in `parts` is not worked out again, and each object's are put there.
+        """
+        names = list(source.names())
+        missing = parts.missing(len(names))
         work = partial(_grasps_of, source)
         pool = InThisProcess(work) if workers == 1 else WorkerPool(work, workers)
-        found = dict(track(pool.run(names), "objects", total=len(names)))
-        return cls(source.sha256(), {name: found[name] for name in names})
+        arriving = pool.run([names[number] for number in missing])
+        for name, found in track(arriving, "objects", total=len(missing)):
+            cls(source.sha256(), {name: found}).save(parts.path(names.index(name)))
+        grasps: dict[str, ObjectGrasps] = {}
+        for number in range(len(names)):
+            grasps |= cls.load(parts.path(number), source).grasps
+        return cls(source.sha256(), grasps)
 
     def save(self, path: Path) -> None:
         """Write the library, atomically."""
@@ -268,9 +279,12 @@ class LibraryOptions:
 
 def main(options: LibraryOptions) -> None:
     """Work out the grasps and write them."""
-    library = GraspLibrary.work_out(clutter_source(options.objects), options.workers)
+    source = clutter_source(options.objects)
     options.out.parent.mkdir(parents=True, exist_ok=True)
-    library.save(options.out)
+    config = {"objects": options.objects, "source_sha256": source.sha256(), **code_version()}
+    with parts_of(options.out, config) as parts:
+        library = GraspLibrary.work_out(source, options.workers, parts)
+        library.save(options.out)
     counts = np.array([len(each.X_OGs) for each in library.grasps.values()])
     median, none = np.median(counts), (counts == 0).sum()
     print(f"{len(counts)} objects, {median:.0f} grasps each (median), {none} without any")

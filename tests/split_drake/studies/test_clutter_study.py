@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from split_drake.data.clutter.library import GraspLibrary
 from split_drake.experiments.run import AnotherRunError
 from split_drake.pose_set import ALL_ACCEPTED, Acceptance, ScoredPoses
 from split_drake.poses import make_pose, rotation_x
@@ -25,7 +24,7 @@ from split_drake.studies.clutter_study import (
 )
 from split_drake.studies.sampler_study import SHORT, Sampler
 from tests.helpers.checkpoints import save_new_network
-from tests.split_drake.data.clutter.conftest import Blocks
+from tests.split_drake.data.clutter.conftest import Blocks, write_library
 
 ALOFT = make_pose(rotation_x(np.pi), (0.5, 0.0, 0.24))
 
@@ -33,7 +32,7 @@ ALOFT = make_pose(rotation_x(np.pi), (0.5, 0.0, 0.24))
 @pytest.fixture(scope="module")
 def config(tmp_path_factory: pytest.TempPathFactory) -> ClutterStudyConfig:
     folder = tmp_path_factory.mktemp("study")
-    GraspLibrary.work_out(Blocks(), workers=1).save(folder / "blocks.npz")
+    write_library(Blocks(), folder / "blocks.npz")
     save_new_network(folder / "new.safetensors")
     return ClutterStudyConfig(folder / "new.safetensors", folder / "blocks.npz", folder / "out", 2)
 

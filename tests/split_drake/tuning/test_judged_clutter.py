@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from split_drake.data.clutter.library import GraspLibrary
 from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScene, ClutterScenes
 from split_drake.experiments.run import AnotherRunError, claim_folder
 from split_drake.pose_set import ScoredPoses
@@ -26,13 +25,13 @@ from split_drake.tuning.judged_clutter import (
 )
 from split_drake.tuning.judged_grasps import JudgedGrasps, write_missing
 from tests.helpers.checkpoints import new_network, save_new_network
-from tests.split_drake.data.clutter.conftest import Blocks
+from tests.split_drake.data.clutter.conftest import Blocks, write_library
 
 
 @pytest.fixture(scope="module")
 def recipe(tmp_path_factory: pytest.TempPathFactory) -> ClutterRecipe:
     path = tmp_path_factory.mktemp("library") / "blocks.npz"
-    GraspLibrary.work_out(Blocks(), workers=1).save(path)
+    write_library(Blocks(), path)
     return ClutterRecipe(Blocks(), path, Layout())
 
 

@@ -8,12 +8,11 @@ import pytest
 
 from split_drake.baselines.learning.draw_fields import draw_shard
 from split_drake.data.clutter.generate import generate_shard, write_manifest
-from split_drake.data.clutter.library import GraspLibrary
 from split_drake.data.clutter.scenes import ClutterRecipe, ClutterScene, ClutterScenes
 from split_drake.data.dataset import read_manifest
 from split_drake.experiments.run import claim_folder
 from split_drake.station.layout import Layout
-from tests.split_drake.data.clutter.conftest import Blocks
+from tests.split_drake.data.clutter.conftest import Blocks, write_library
 
 SCENES = 20
 
@@ -29,7 +28,7 @@ class Lesson(NamedTuple):
 @pytest.fixture(scope="session")
 def blocks_recipe(tmp_path_factory: pytest.TempPathFactory) -> ClutterRecipe:
     path = tmp_path_factory.mktemp("library") / "blocks.npz"
-    GraspLibrary.work_out(Blocks(), workers=1).save(path)
+    write_library(Blocks(), path)
     return ClutterRecipe(Blocks(), path, Layout())
 
 

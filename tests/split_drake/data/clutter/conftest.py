@@ -7,7 +7,8 @@ import pytest
 
 from split_drake.data.clutter.library import ClutterObject, GraspLibrary
 from split_drake.data.clutter.scenes import ClutterRecipe
-from split_drake.objects.task_object import TaskObject
+from split_drake.experiments.parts import parts_of
+from split_drake.objects.task_object import ObjectSource, TaskObject
 from split_drake.station.layout import Layout
 from tests.split_drake.station.solids import solid_box, solid_cylinder
 
@@ -32,9 +33,16 @@ class Blocks:
         return "blocks"
 
 
+def write_library(source: ObjectSource, path: Path) -> None:
+    with parts_of(path, {}) as parts:
+        GraspLibrary.work_out(source, 1, parts).save(path)
+
+
 @pytest.fixture(scope="session")
-def library() -> GraspLibrary:
-    return GraspLibrary.work_out(Blocks(), workers=1)
+def library(tmp_path_factory: pytest.TempPathFactory) -> GraspLibrary:
+    path = tmp_path_factory.mktemp("library") / "blocks.npz"
+    write_library(Blocks(), path)
+    return GraspLibrary.load(path, Blocks())
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from split_drake.data.clutter import library as library_module
 from split_drake.data.clutter.labels import clears_table
 from split_drake.data.clutter.library import (
     MAX_WIDTH_M,
@@ -18,7 +19,7 @@ from split_drake.grasps.judge import GraspJudge
 from split_drake.grasps.lying import resting_poses
 from split_drake.robot.gripper import MAX_OPENING_M
 from tests.helpers.damage import times_told
-from tests.split_drake.data.clutter.conftest import BODIES, Blocks
+from tests.split_drake.data.clutter.conftest import BODIES, Blocks, write_library
 from tests.split_drake.station.solids import solid_box
 
 
@@ -94,3 +95,34 @@ def test_a_damaged_library_is_told_with_its_path(library: GraspLibrary, tmp_path
     path = tmp_path / "library.npz"
     library.save(path)
     assert times_told(path, lambda given: GraspLibrary.load(given, Blocks())) > 50
+
+
+def test_objects_that_are_worked_out_are_not_worked_out_again(
+    tmp_path: Path, library: GraspLibrary, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class CutShortError(Exception):
+        """Ends the work at the last object."""
+
+    def stop(source: Blocks, name: str) -> None:
+        raise CutShortError
+
+    file, work = tmp_path / "blocks.npz", library_module._grasps_of
+    monkeypatch.setattr(
+        library_module,
+        "_grasps_of",
+        lambda source, name: (stop if name == "slab" else work)(source, name),
+    )
+    with pytest.raises(CutShortError):
+        write_library(Blocks(), file)
+    assert not file.exists()
+    monkeypatch.setattr(
+        library_module,
+        "_grasps_of",
+        lambda source, name: (work if name == "slab" else stop)(source, name),
+    )
+    write_library(Blocks(), file)
+    found = GraspLibrary.load(file, Blocks())
+    assert list(found.grasps) == list(library.grasps)
+    for name, grasps in library.grasps.items():
+        np.testing.assert_array_equal(found.grasps[name].X_OGs, grasps.X_OGs)
+    assert list(tmp_path.iterdir()) == [file]
