@@ -4,7 +4,7 @@ Each start is drawn and perceived as in a trial of `scenarios.mug_hang` with the
 is planned or executed.  Of what its planner would be asked first the file keeps the best 128 grasps
 and 32 handle and upright poses, and the cloud thinned to 4 mm.  Tasks and detectors take turns:
 problems of one seed share their scene, but where a start serves one task and not the other.
-`scenarios.planner_bench` runs planners on the file.
+`scenarios.planner_bench` runs planners on the file.  Interrupted, the same command goes on.
 """
 
 import logging

@@ -2,6 +2,7 @@
 
 ``python -m split_drake.data.rests`` writes ``models/mugs/rests_{train,test}.npz``, the rests of the
 fixed splits' mugs, so that scenes are drawn as trials start without simulating a drop for each.
+Interrupted, the same command goes on.
 With ``--mugs DIR`` those of your own meshes go to ``datasets/mugs``.
 """
 

@@ -1,9 +1,9 @@
 """The objects of clutter scenes with their grasps, worked out once for each object and size.
 
-``python -m split_drake.data.clutter.library --objects train --out FILE.npz`` keeps them.  A grasp
-is antipodal, pinches at most `MAX_WIDTH_M`, so that a wide-open hand has room for its errors, and
-at least `LEAST_WIDTH_M`.  It is clear of its object with the hand wide open, as the protocol has it
-come in.
+``python -m split_drake.data.clutter.library --objects train --out FILE.npz`` keeps them.
+Interrupted, the same command goes on.  A grasp is antipodal, pinches at most `MAX_WIDTH_M`, so that
+a wide-open hand has room for its errors, and at least `LEAST_WIDTH_M`.  It is clear of its object
+with the hand wide open, as the protocol has it come in.
 """
 
 import os
