@@ -20,7 +20,11 @@ from rich.console import Console
 
 from planning.planner import planner_names
 from planning.subgoal import find_subgoal
-from scenarios.trials.detectors import require_working_detector, station_of
+from scenarios.trials.detection import (
+    require_working_detector,
+    station_of,
+    trial_detector,
+)
 from scenarios.trials.mug_check import GRASPS, MugCheck, keep_grasps
 from scenarios.trials.mug_tasks import MugTaskName
 from scenarios.trials.pose_noise import PoseNoise
@@ -51,7 +55,8 @@ class MugHangOptions:
     Attributes:
         trials: how many; trial i is seeded by seed + i alone.
         seed: of the first trial.
-        detector: SPLIT, or the true pose sets.
+        detector: "split", "oracle" for the true poses, or another file in
+            scenarios/trials/detectors.
         task: hang (with a reorientation where no hanging plan exists), or reorient alone.
         mugs: "test", shapes unlike those the model was trained on, "thin", such with grips of 2 to
             3 mm and walls of 1.5 to 13 mm, "train", or a folder of meshes, of which those that
@@ -85,7 +90,7 @@ class MugHangOptions:
 
     trials: int = 40
     seed: int = 0
-    detector: Literal["split", "oracle"] = "split"
+    detector: str = "split"
     task: MugTaskName = "hang"
     mugs: str = "test"
     planner: str = "default"
@@ -125,7 +130,8 @@ class MugHangOptions:
             if not 0.0 <= getattr(self, name) < math.inf:
                 flag = name.replace("_", "-")
                 raise ValueError(f"--{flag} is {getattr(self, name)}; expected 0 or more")
-        if self.pose_noise and self.detector != "oracle":
+        detector = trial_detector(self.detector)
+        if self.pose_noise and not detector.knows_truth:
             raise ValueError(
                 f"--pose-noise-mm and --pose-noise-deg go with --detector oracle, whose poses are "
                 f"true; --detector is {self.detector!r}"
@@ -152,8 +158,6 @@ FREE_KEYS = ("trials", "workers", "scheduler", "record", "limit_s", "out")
 
 def run_config(options: MugHangOptions, mugs: UsableMugs | None = None) -> dict[str, Any]:
     """Return the content of config.json; `mugs` are those of a folder that are usable."""
-    from split_drake.split.checkpoint import default_weights
-
     config = as_json(asdict(options))
     mugs = mugs or UsableMugs(MugSource(options.mugs))
     if mugs.source.folder is not None:
@@ -162,9 +166,8 @@ def run_config(options: MugHangOptions, mugs: UsableMugs | None = None) -> dict[
         config["refused_meshes"] = mugs.refused
         config["assumed_of_meshes"] = mugs.remarks
     config["station_sha256"] = None if options.station is None else file_sha256(options.station)
-    config["checkpoint_sha256"] = None
-    if options.detector == "split":
-        config["checkpoint_sha256"] = file_sha256(options.checkpoint or default_weights())
+    weights = trial_detector(options.detector).weights(options.checkpoint)
+    config["checkpoint_sha256"] = None if weights is None else file_sha256(weights)
     return {**config, **code_version()}
 
 
@@ -304,7 +307,7 @@ def find_usable_mugs(
 ) -> UsableMugs:
     """Return which of the user's own mugs can be simulated; their true grasps go to `scratch`."""
     station = asked_station(options)
-    with_grasps = scratch if options.detector == "oracle" else None
+    with_grasps = scratch if trial_detector(options.detector).knows_truth else None
     trial = MugCheck(station, with_grasps, folder)
     return usable_mugs(MugSource(options.mugs), options.workers, console, trial)
 

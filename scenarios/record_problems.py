@@ -26,7 +26,11 @@ from planning.geometry.perceived import OBSTACLE_VOXEL_M, voxel_centroids
 from planning.problem import PlanningProblem
 from planning.problem_files import compact, load_problems, save_problems
 from planning.subgoal import find_subgoal
-from scenarios.trials.detectors import require_working_detector, station_of
+from scenarios.trials.detection import (
+    require_working_detector,
+    station_of,
+    trial_detector,
+)
 from scenarios.trials.mug_check import GRASPS, MugCheck
 from scenarios.trials.mug_tasks import MUG_TASK_NAMES, MugTaskName
 from scenarios.trials.perception import Perceiver
@@ -90,7 +94,7 @@ class RecordOptions:
     count: int = 500
     seed: int = 0
     tasks: tuple[MugTaskName, ...] = MUG_TASK_NAMES
-    detectors: tuple[Literal["split", "oracle"], ...] = ("split", "oracle")
+    detectors: tuple[str, ...] = ("split", "oracle")
     mugs: str = "test"
     station: tuple[Path, ...] = ()
     objects: int = 0
@@ -111,6 +115,8 @@ class RecordOptions:
             named = getattr(self, name)
             if len(set(named)) < len(named):
                 raise ValueError(f"--{name} names one twice: {list(named)}")
+        for name in self.detectors:
+            trial_detector(name)
         for name in ("seed", "objects"):
             require_count(f"--{name}", getattr(self, name))
         require_number(
@@ -254,14 +260,12 @@ def record(
 
 def recording_config(options: RecordOptions, mugs: MugSource) -> dict[str, Any]:
     """Return what tells whether parts of a recording are of the same one."""
-    from split_drake.split.checkpoint import default_weights
-
-    weights = options.checkpoint or default_weights()
+    weights = {name: trial_detector(name).weights(options.checkpoint) for name in options.detectors}
     return {
         **asdict(options),
         "mugs_sha256": mugs.mugs_sha256(),
         "station_sha256": [file_sha256(file) for file in options.station],
-        "checkpoint_sha256": file_sha256(weights) if "split" in options.detectors else None,
+        "weights_sha256": {name: file and file_sha256(file) for name, file in weights.items()},
         **code_version(),
     }
 
@@ -276,7 +280,8 @@ def main(options: RecordOptions) -> Path:
     options.out.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as scratch:
         grasps = Path(scratch)
-        trial = MugCheck(station, grasps if "oracle" in options.detectors else None, grasps)
+        any_true = any(trial_detector(name).knows_truth for name in options.detectors)
+        trial = MugCheck(station, grasps if any_true else None, grasps)
         mugs = usable_mugs(MugSource(options.mugs), options.workers, console, trial).source
         with parts_of(options.out, recording_config(options, mugs), _FREE_KEYS) as parts:
             problems = record(options, mugs, grasps, parts, console)

@@ -50,6 +50,7 @@ ROOMS = (
     "planning.checking",
     "scenarios.viewing",
     "scenarios.trials",
+    "scenarios.trials.detectors",
     "scenarios.bench.motions",
     "scenarios.bench",
     "scenarios.study",

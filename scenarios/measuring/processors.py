@@ -21,7 +21,7 @@ from rich.progress import track
 
 from planning.problem import Plan, PlanningProblem
 from planning.subgoal import find_subgoal
-from scenarios.trials.detectors import station_of
+from scenarios.trials.detection import station_of
 from scenarios.trials.mug_tasks import MugTaskName
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.setup import TrialGenerators, planner_named, set_up

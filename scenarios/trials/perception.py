@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from scenarios.trials.detectors import make_detectors
+from scenarios.trials.detection import trial_detector
 from scenarios.trials.setup import Setup, TrialGenerators
 from scenarios.trials.spec import TrialSpec
 from split_drake.objects_in_view import scenes_of_objects
@@ -25,7 +25,7 @@ class Perceiver:
         self._noise_m = spec.noise_m
         self._station = setup.station
         self._rngs = rngs
-        self._detectors = make_detectors(spec, setup)
+        self._detectors = trial_detector(spec.detector).make(spec, setup)
 
     def look(
         self, tasks: Sequence[PoseTask], again: bool = False

@@ -234,7 +234,7 @@ def test_what_no_trial_could_run_with_is_told_before_the_first(
     def missing() -> None:
         raise RenderingUnavailableError("EGL has no driver")
 
-    monkeypatch.setattr("scenarios.trials.detectors.check_rendering", missing)
+    monkeypatch.setattr("scenarios.trials.detection.check_rendering", missing)
     with pytest.raises(BadInputError, match="depth cameras cannot render: EGL has no driver"):
         main(MugHangOptions(trials=1, detector="oracle", out=out))
     assert not out.exists()

@@ -11,7 +11,7 @@ from scenarios.mug_hang import MugHangOptions, specs_of
 from scenarios.record_problems import RecordOptions
 from scenarios.record_problems import specs_of as problem_specs
 from scenarios.trials import perception, setup
-from scenarios.trials.detectors import Detectors, make_detectors
+from scenarios.trials.detection import Detectors, TrialDetector, trial_detector
 from scenarios.trials.perception import Perceiver
 from scenarios.trials.pose_noise import NoisyDetector, PoseNoise
 from scenarios.trials.setup import (
@@ -94,15 +94,15 @@ def test_the_oracle_is_noisy_where_asked_and_knows_no_wider_poses(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     found = ready(monkeypatch)
-    known = make_detectors(SPEC, found)
+    known = trial_detector("oracle").make(SPEC, found)
     assert isinstance(known.usual, OracleDetector)
     assert known.usual is known.again is known.again_for_grasps
     noise = PoseNoise(0.003, 0.0)
-    noisy = make_detectors(replace(SPEC, pose_noise=noise), found).usual
+    noisy = trial_detector("oracle").make(replace(SPEC, pose_noise=noise), found).usual
     assert isinstance(noisy, NoisyDetector) and noisy.noise == noise
     from_files = replace(SPEC, mugs=replace(SPEC.mugs, where=str(tmp_path)), folder=tmp_path)
     with pytest.raises(FileNotFoundError, match=r"grasps/test_003\.npz"):
-        make_detectors(from_files, found)
+        trial_detector("oracle").make(from_files, found)
 
 
 class Asked:
@@ -122,7 +122,8 @@ class Asked:
 
 def watching(found: Setup, asked: Sequence[Asked], monkeypatch: pytest.MonkeyPatch) -> Perceiver:
     """Return eyes that ask the three given, in the order of `Detectors`."""
-    monkeypatch.setattr(perception, "make_detectors", lambda *_: Detectors(*asked))
+    detector = TrialDetector("asked", make=lambda *_: Detectors(*asked))
+    monkeypatch.setattr(perception, "trial_detector", lambda _: detector)
     return Perceiver(SPEC, found, TrialGenerators.of(0))
 
 
