@@ -56,9 +56,9 @@ class ClutterOptions:
         rounds: of each seed.
         seeds: how many seeds there are, from `first_seed` on.
         first_seed: of them.
-        detector: the method that finds grasps: split, oracle (the true ones of what lies there),
-            vgn, giga, se3dif (of the whole scene) or se3dif_segments; each is a file in
-            scenarios/clutter/detectors.
+        detector: the method that finds grasps: split, split_8 (of eight network evaluations in
+            place of four), oracle (the true ones of what lies there), vgn, giga, se3dif (of the
+            whole scene) or se3dif_segments; each is a file in scenarios/clutter/detectors.
         checkpoint: its parameters: of split such as models/weights/split_clutter.safetensors, of
             the others weights of split_drake.baselines.learning.train; of vgn and giga the state
             dictionary that their authors published will do, too.
@@ -122,11 +122,8 @@ def require_working_detector(options: ClutterOptions) -> None:
 
 def layout_of(options: ClutterOptions) -> Layout:
     """Return the layout, its workspace the one that the detector was trained on."""
-    layout = Layout()
-    if options.detector == "split" and options.checkpoint is not None:
-        from split_drake.split.checkpoint import load_checkpoint
-
-        layout = Layout(workspace=load_checkpoint(options.checkpoint)[1].workspace)
+    detector = clutter_detector(options.detector, options.checkpoint)
+    layout = Layout(workspace=detector.workspace(options.checkpoint))
     return arm_layout(layout) if options.robot == "arm" else layout
 
 

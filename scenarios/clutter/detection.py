@@ -18,7 +18,8 @@ from split_drake.experiments.room_files import constants_in
 from split_drake.pose_set import PoseDetector, PoseSet
 from split_drake.pose_task import GRASP, PoseTask, find_tasks
 from split_drake.poses import Array
-from split_drake.scene import Scene
+from split_drake.scene import Scene, Workspace
+from split_drake.station.layout import Layout
 
 _ROOM = "scenarios.clutter.detectors"
 TRAINED_OR_PUBLISHED = "weights trained here (.safetensors), or published by its authors (.pt)"
@@ -32,6 +33,11 @@ class GraspFinder(Protocol):
         ...
 
 
+def usual_workspace(checkpoint: Path | None) -> Workspace:
+    """Return the usual cube, whatever the checkpoint."""
+    return Layout().workspace
+
+
 @dataclass(frozen=True)
 class ClutterDetector:
     """A method by name.
@@ -42,12 +48,14 @@ class ClutterDetector:
         make: returns what finds grasps in a round, given that file, what clears the table, and what
             it may draw from once.  Called once a round: what is expensive should be kept.
         check: raises BadInputError where that file is of no use, before the first round.
+        workspace: returns the cube that its scenes are cropped to, given that file.
     """
 
     name: str
     checkpoint: str
     make: Callable[[Path | None, Clearing, np.random.Generator], GraspFinder]
     check: Callable[[Path | None], None] = lambda path: None
+    workspace: Callable[[Path | None], Workspace] = usual_workspace
 
 
 class TaskDetector(PoseDetector, Protocol):
@@ -102,12 +110,15 @@ class FoundBy:
 
 
 def with_parameters(
-    name: str, checkpoint: str, load: Callable[[Path], TaskDetector]
+    name: str,
+    checkpoint: str,
+    load: Callable[[Path], TaskDetector],
+    workspace: Callable[[Path | None], Workspace] = usual_workspace,
 ) -> ClutterDetector:
     """Return a method whose detector is loaded from a file, once a process, on one thread.
 
     Args:
-        name, checkpoint: as in `ClutterDetector`.
+        name, checkpoint, workspace: as in `ClutterDetector`.
         load: returns the detector with the parameters of a file.
     """
 
@@ -126,7 +137,7 @@ def with_parameters(
         assert path is not None
         find_tasks((GRASP,), load(path).tasks, str(path))
 
-    return ClutterDetector(name, checkpoint, make, check)
+    return ClutterDetector(name, checkpoint, make, check, workspace)
 
 
 def ranked(X_WGs: Array, scores: Sequence[float] | Array) -> PoseSet:

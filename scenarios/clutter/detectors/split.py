@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarios.clutter.detection import with_parameters
+from split_drake.scene import Workspace
 
 if TYPE_CHECKING:  # PyTorch is imported by those who need it
     from split_drake.split.detector import SplitDetector
@@ -16,6 +17,14 @@ def load(checkpoint: Path) -> "SplitDetector":
     return SplitDetector.from_checkpoint(checkpoint, CLUTTER_SAMPLER)
 
 
+def workspace(checkpoint: Path | None) -> Workspace:
+    """Return the workspace that the network was trained on."""
+    from split_drake.split.checkpoint import load_checkpoint
+
+    assert checkpoint is not None  # `clutter_detector` has seen to it
+    return load_checkpoint(checkpoint)[1].workspace
+
+
 DETECTOR = with_parameters(
-    "split", "weights such as models/weights/split_clutter.safetensors", load
+    "split", "weights such as models/weights/split_clutter.safetensors", load, workspace
 )

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarios.clutter.detection import with_parameters
+from scenarios.clutter.detectors.split import workspace
 
 if TYPE_CHECKING:  # PyTorch is imported by those who need it
     from split_drake.split.detector import SplitDetector
@@ -17,5 +18,5 @@ def load(checkpoint: Path) -> "SplitDetector":
 
 
 DETECTOR = with_parameters(
-    "split_8", "weights such as models/weights/split_clutter.safetensors", load
+    "split_8", "weights such as models/weights/split_clutter.safetensors", load, workspace
 )
