@@ -1,6 +1,7 @@
 """Stations as YAML: where cameras, table, hook and bin stand, and how the simulation is set.
 
-All sections are optional; what is left out is as it is by default (`Layout`, `StationConfig`)::
+All sections are optional; what is left out is as in the usual station (`Layout`, `StationConfig`;
+trials step by 2.5 ms)::
 
     workspace: {center: [0.5, 0.0, 0.1]}   # of the cube's footprint; z is the table's height
     table: {size: [0.7, 1.2, 0.05], center: [0.55, 0.0]}
@@ -9,7 +10,7 @@ All sections are optional; what is left out is as it is by default (`Layout`, `S
     bin: {p_WRim: [-0.05, -0.5, 0.0], size_m: [0.34, 0.34, 0.18], wall_m: 0.01}
     home: [0.0, -0.9, 0.0, -2.5, 0.0, 1.6, 0.785]
     depth_noise: middle
-    contact: {friction: 0.8, time_step_s: 0.002}
+    contact: {friction: 0.8, time_step_s: 0.0025}
 
 A hook is turned by `yaw_deg` about z of W after it was tilted by `tilt_deg` about its own x; in
 place of position and angles it may have `X_WK`, four rows.  It may have the numbers of `HookShape`,
