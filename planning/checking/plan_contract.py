@@ -11,12 +11,11 @@ import numpy as np
 
 from planning.checking.goal_checks import goal_check
 from planning.checking.violation import Violation
-from planning.geometry.perceived import PerceivedObject
+from planning.geometry.perceived import PerceivedObject, best_upright
 from planning.geometry.waypoints import place_grasp
 from planning.problem import SAMPLE_S, Plan, PlanningProblem, Segment, SegmentName
 from split_drake.objects_in_view import objects_in_view, owners
 from split_drake.pose_set import PoseSet
-from split_drake.pose_task import UPRIGHT
 from split_drake.poses import Array, invert_pose, rotation_error_rad, transform_points
 from split_drake.robot.gripper import MAX_OPENING_M, PAD_SIZE_M
 from split_drake.robot.kinematics import gripper_pose
@@ -143,8 +142,7 @@ def _of_one_object(plan: Plan, problem: PlanningProblem) -> bool:
 
 def _between_pads(X_WG: Array, problem: PlanningProblem) -> bool:
     """Return whether the object, completed where its upright pose is known, is between the pads."""
-    uprights = problem.pose_sets.get(UPRIGHT.name)
-    X_WU = uprights.X_WPs[0] if uprights is not None and len(uprights) else None
+    X_WU = best_upright(problem.pose_sets)
     surface = PerceivedObject.from_cloud(problem.p_WPs, X_WU, problem.layout.table_z_m).p_WSurface
     half_x_m, half_z_m = (0.5 * size_m + BESIDE_PADS_M for size_m in PAD_SIZE_M)
     p_GPs = np.abs(transform_points(invert_pose(X_WG), surface))

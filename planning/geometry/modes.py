@@ -1,5 +1,7 @@
 """Modes of a pose set: poses that lie close together, those that mean the same taken for one."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -11,9 +13,9 @@ from split_drake.poses import Array, make_pose, rotation_error_rad
 # Poses closer together than this, in both place and rotation, are one mode of a pose set.
 MODE_DISTANCE_M = 0.01
 MODE_ANGLE_RAD = np.radians(15.0)
-# A mode with less than this share of all poses is a fluke, unless its best pose has this share of
-# the best score: of 253 upright poses, one may stand a mug on its rim.
-LEAST_SHARE, NEARLY_BEST = 0.02, 0.9
+# A mode with less than this share of all poses is a fluke where a larger one has nearly its score:
+# of 253 upright poses, one may stand a mug on its rim.
+LEAST_SHARE, NEARLY = 0.02, 0.9
 # Poses closer than this to one that failed are taken to fail as well.
 FAILURE_DISTANCE_M = 0.015
 FAILURE_ANGLE_RAD = np.radians(25.0)
@@ -30,24 +32,49 @@ def distinct_modes(X_WPs: Array, count: int, symmetry: Symmetry) -> list[int]:
     return chosen
 
 
-def mode_means(pose_set: PoseSet, count: int) -> list[tuple[Array, float]]:
-    """Return at most `count` modes as (mean pose (4, 4), best score), best first, without flukes.
+@dataclass(frozen=True)
+class Mode:
+    """Poses that mean nearly the same as one of them.
 
-    Samples scatter around what was detected; their mean, weighted by score, scatters less.
+    Attributes:
+        X_WP: (4, 4) that one.
+        score: of it.
+        X_WPs: (M, 4, 4) all of them, each as it lies nearest to that one.
+        scores: (M,) of all.
     """
-    means, symmetry = [], pose_set.task.symmetry
-    for index in distinct_modes(pose_set.X_WPs, count, symmetry):
-        X_WBest = pose_set.X_WPs[index]
-        X_WPs = symmetry.nearest(pose_set.X_WPs, X_WBest)
-        members = _same_mode(X_WPs, X_WBest)
-        nearly_best = pose_set.scores[index] >= NEARLY_BEST * pose_set.scores[0]
-        if members.mean() < LEAST_SHARE and not nearly_best:
-            continue
-        weights = pose_set.scores[members] + 1e-9
-        R_WP = Rotation.from_matrix(X_WPs[members, :3, :3]).mean(weights).as_matrix()
-        p_WP = np.average(X_WPs[members, :3, 3], axis=0, weights=weights)
-        means.append((make_pose(R_WP, p_WP), float(pose_set.scores[index])))
-    return means
+
+    X_WP: Array
+    score: float
+    X_WPs: Array
+    scores: Array
+
+    def mean(self) -> Array:
+        """Return the mean pose (4, 4), weighted by score.
+
+        Samples scatter around what was detected; their mean scatters less.
+        """
+        weights = self.scores + 1e-9
+        R_WP = Rotation.from_matrix(self.X_WPs[:, :3, :3]).mean(weights).as_matrix()
+        return make_pose(R_WP, np.average(self.X_WPs[:, :3, 3], axis=0, weights=weights))
+
+
+def modes_of(pose_set: PoseSet) -> list[Mode]:
+    """Return the modes of a pose set, best first, without flukes."""
+    symmetry, found = pose_set.task.symmetry, []
+    for index in distinct_modes(pose_set.X_WPs, len(pose_set), symmetry):
+        X_WP = pose_set.X_WPs[index]
+        X_WPs = symmetry.nearest(pose_set.X_WPs, X_WP)
+        members = _same_mode(X_WPs, X_WP)
+        score = float(pose_set.scores[index])
+        found.append(Mode(X_WP, score, X_WPs[members], pose_set.scores[members]))
+    least = LEAST_SHARE * len(pose_set)
+    large = max((mode.score for mode in found if len(mode.scores) >= least), default=0.0)
+    return [mode for mode in found if len(mode.scores) >= least or large < NEARLY * mode.score]
+
+
+def mode_means(pose_set: PoseSet, count: int) -> list[tuple[Array, float]]:
+    """Return at most `count` modes as (mean pose (4, 4), best score), best first."""
+    return [(mode.mean(), mode.score) for mode in modes_of(pose_set)[:count]]
 
 
 def away_from(X_WPs: Array, X_WFs: Array, symmetry: Symmetry) -> NDArray[np.bool_]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planning.geometry.modes import modes_of
 from split_drake.pose_set import PoseSets
 from split_drake.pose_task import UPRIGHT
 from split_drake.poses import Array, invert_pose, transform_points
@@ -56,7 +57,7 @@ class PerceivedObject:
 def best_upright(pose_sets: PoseSets) -> Array | None:
     """Return the best upright pose X_WU (4, 4), or None where none was detected or asked for."""
     poses = pose_sets.get(UPRIGHT.name)
-    return poses.X_WPs[0] if poses is not None and len(poses) else None
+    return modes_of(poses)[0].X_WP if poses is not None and len(poses) else None
 
 
 def voxel_centroids(points: Array, edge_m: float) -> Array:

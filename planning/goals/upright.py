@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from planning.collision.exemptions import TABLE_ERROR_M, TABLE_LOWERING_M
-from planning.geometry.modes import mode_means
+from planning.geometry.modes import mode_means, modes_of
 from planning.geometry.waypoints import shifted
 from planning.subgoal import AllowedContact, Placement, PlacementQuery, Subgoal
 from split_drake.pose_set import PoseSet
@@ -63,7 +63,8 @@ def _depth_below(X_WU: Array, p_WPs: Array) -> float:
 
 def stands(uprights: PoseSet) -> bool:
     """Return whether the best upright pose is hardly tilted; also where there is none to tell."""
-    return not len(uprights) or bool(uprights.X_WPs[0][2, 2] >= np.cos(STANDING_TILT_RAD))
+    best = [mode.X_WP for mode in modes_of(uprights)[:1]]
+    return all(X_WU[2, 2] >= np.cos(STANDING_TILT_RAD) for X_WU in best)
 
 
 SUBGOAL = Subgoal(

@@ -11,7 +11,9 @@ from planning.geometry.modes import (
     away_from,
     distinct_modes,
     mode_means,
+    modes_of,
 )
+from planning.geometry.perceived import best_upright
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP, HANDLE, UPRIGHT, PoseTask, Symmetry
 from split_drake.poses import Array, make_pose
@@ -82,15 +84,36 @@ def test_more_failures_leave_no_more_poses(seed: int, task: PoseTask) -> None:
     assert not away_from(failed, failed, task.symmetry).any()
 
 
-def test_a_mode_of_few_and_bad_poses_is_a_fluke() -> None:
+def test_a_lone_pose_is_a_fluke_where_a_larger_mode_is_nearly_as_good() -> None:
     rng = np.random.default_rng(0)
     many, elsewhere = scattered(rng, make_pose(), 99, 0.1), make_pose(p=(0.1, 0.0, 0.0))[None]
 
     def scores_of_modes(lone_score: float, count: int = 99) -> list[float]:
-        scores = np.concatenate([np.full(count, 0.9), [lone_score]])
+        scores = np.concatenate([np.full(count, 0.8), [lone_score]])
         poses = np.concatenate([many[:count], elsewhere])
         return [score for _, score in mode_means(PoseSet.ranked(GRASP, poses, scores), 3)]
 
-    assert scores_of_modes(0.7) == [0.9]
-    assert scores_of_modes(0.85) == [0.9, 0.85]
-    assert scores_of_modes(0.7, count=9) == [0.9, 0.7]
+    assert scores_of_modes(0.7) == [0.8]
+    assert scores_of_modes(0.85) == [0.8]
+    assert scores_of_modes(0.95) == [0.95, 0.8]
+    assert scores_of_modes(0.7, count=9) == [0.8, 0.7]
+
+
+def test_where_all_modes_are_small_none_is_a_fluke() -> None:
+    poses = make_pose(p=np.column_stack([0.1 * np.arange(100), np.zeros(100), np.zeros(100)]))
+    spread = PoseSet.ranked(GRASP, poses, np.linspace(0.9, 0.5, 100))
+    assert len(modes_of(spread)) == 100
+    assert modes_of(PoseSet(GRASP, np.empty((0, 4, 4)), np.empty(0))) == []
+
+
+def test_the_best_upright_pose_is_no_fluke() -> None:
+    rng = np.random.default_rng(1)
+    standing = scattered(rng, make_pose(), 99, 0.1)
+    on_its_rim = make_pose(np.diag([1.0, -1.0, -1.0]))[None]
+    scores = np.append(np.full(99, 0.98), 0.99)
+    uprights = PoseSet.ranked(UPRIGHT, np.concatenate([standing, on_its_rim]), scores)
+    assert uprights.X_WPs[0][2, 2] < 0.0
+    X_WU = best_upright({UPRIGHT.name: uprights})
+    assert X_WU is not None and X_WU[2, 2] > 0.9
+    assert best_upright({UPRIGHT.name: PoseSet(UPRIGHT, np.empty((0, 4, 4)), np.empty(0))}) is None
+    assert best_upright({}) is None
