@@ -24,6 +24,7 @@ from scenarios.trials.detection import (
     require_working_detector,
     station_of,
     trial_detector,
+    trial_detectors,
 )
 from scenarios.trials.mug_check import GRASPS, MugCheck, keep_grasps
 from scenarios.trials.mug_tasks import MugTaskName
@@ -132,8 +133,11 @@ class MugHangOptions:
                 raise ValueError(f"--{flag} is {getattr(self, name)}; expected 0 or more")
         detector = trial_detector(self.detector)
         if self.pose_noise and not detector.knows_truth:
+            known = " or ".join(
+                name for name, each in trial_detectors().items() if each.knows_truth
+            )
             raise ValueError(
-                f"--pose-noise-mm and --pose-noise-deg go with --detector oracle, whose poses are "
+                f"--pose-noise-mm and --pose-noise-deg go with --detector {known}, whose poses are "
                 f"true; --detector is {self.detector!r}"
             )
         MugSource(self.mugs)

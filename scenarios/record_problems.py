@@ -18,14 +18,14 @@ from typing import Any, Literal
 
 import numpy as np
 from rich.console import Console
-from rich.progress import track
 
 from planning.collision.world import CollisionWorld, Situation
 from planning.geometry.focus import focus_on_one
 from planning.geometry.perceived import OBSTACLE_VOXEL_M, voxel_centroids
 from planning.problem import PlanningProblem
-from planning.problem_files import compact, load_problems, save_problems
+from planning.problem_files import compact, save_problems
 from planning.subgoal import find_subgoal
+from scenarios.bench.recorded import Recorded, load_recorded, save_recorded
 from scenarios.trials.detection import (
     require_working_detector,
     station_of,
@@ -63,7 +63,7 @@ _LIMIT_S = 600.0
 _START_STREAM = 7
 _LEAST_DESCENT = 0.5
 # What may differ when a recording goes on: it changes no problem.
-_FREE_KEYS = ("count", "workers", "scheduler", "out")
+_FREE_KEYS = ("workers", "scheduler", "out")
 Starts = Literal["home", "any"]
 
 
@@ -125,25 +125,6 @@ class RecordOptions:
         if self.workers < 1:
             raise ValueError(f"--workers is {self.workers}; expected at least 1")
         MugSource(self.mugs)
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """What became of one start: a problem, or why there is none.
-
-    Attributes:
-        index: of the start.
-        name: of the problem.
-        problem: compact; None where there is none.
-        reason: why; empty where there is one.
-        crashed: whether there may be one at another try.
-    """
-
-    index: int
-    name: str
-    problem: PlanningProblem | None
-    reason: str = ""
-    crashed: bool = False
 
 
 def specs_of(
@@ -229,11 +210,10 @@ def record(
 ) -> dict[str, PlanningProblem]:
     """Return the problems of all starts by their names; true grasps lie in the folder `grasps`.
 
-    Those in `parts` are not recorded again, and each one is put there; a line tells why another
-    start has none.
+    Those in `parts` are not recorded again, and each other one is put there.  Where the recording
+    of one crashed they stay, so that the same command tries it again.
     """
     specs = specs_of(options, mugs, grasps)
-    missing = [specs[index] for index in parts.missing(len(specs))]
     pool = make_pool(
         options.scheduler,
         options.workers,
@@ -243,19 +223,27 @@ def record(
         run=grasps,
         kept=(GRASPS,),
     )
-    crashed: set[int] = set()
-    for found in track(pool.run(missing), "recording", total=len(missing), console=console):
-        if found.problem is None:
-            console.print(f"{found.name}: left out: {found.reason}", markup=False)
-        if found.crashed:
-            crashed.add(found.index)
+    found: dict[int, Recorded] = {}
+
+    def keep(recorded: Recorded) -> None:
+        found[recorded.index] = recorded
+        if not recorded.crashed:
+            save_recorded(parts.path(recorded.index), recorded)
+
+    parts.make(specs, pool.run, keep, "recording", console)
+    for spec in specs:
+        if spec.index not in found:
+            found[spec.index] = load_recorded(parts.path(spec.index), spec.index)
+    problems = {}
+    for recorded in (found[spec.index] for spec in specs):
+        if recorded.problem is None:
+            console.print(f"{recorded.name}: left out: {recorded.reason}", markup=False)
         else:
-            problems = {} if found.problem is None else {found.name: found.problem}
-            save_problems(parts.path(found.index), problems)
-    recorded: dict[str, PlanningProblem] = {}
-    for index in range(len(specs)):
-        recorded |= {} if index in crashed else load_problems(parts.path(index))
-    return recorded
+            problems[recorded.name] = recorded.problem
+    if any(recorded.crashed for recorded in found.values()):
+        parts.stay = True
+        console.print("the same command tries again what crashed, and goes on with the rest")
+    return problems
 
 
 def recording_config(options: RecordOptions, mugs: MugSource) -> dict[str, Any]:
@@ -285,11 +273,10 @@ def main(options: RecordOptions) -> Path:
         mugs = usable_mugs(MugSource(options.mugs), options.workers, console, trial).source
         with parts_of(options.out, recording_config(options, mugs), _FREE_KEYS) as parts:
             problems = record(options, mugs, grasps, parts, console)
-            if not problems:
-                raise NoResultsError(
-                    f"none of {options.count} starts gave a problem; nothing is written"
-                )
-            save_problems(options.out, problems)
+            if problems:
+                save_problems(options.out, problems)
+    if not problems:
+        raise NoResultsError(f"none of {options.count} starts gave a problem; nothing is written")
     megabytes = options.out.stat().st_size / 1e6
     console.print(f"{len(problems)} problems, {megabytes:.2f} MB: {options.out}", markup=False)
     return options.out

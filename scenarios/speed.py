@@ -8,7 +8,6 @@ commit as well, in turns with these, one core each.
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
 
 from rich.console import Console
 from rich.table import Table
@@ -17,6 +16,7 @@ from scenarios import mug_hang
 from scenarios.timing.commits import CommitComparison, checked_out, compare_commits
 from scenarios.timing.detection_speed import VGN, DetectionSpeed, detection_speeds
 from scenarios.timing.workers import Figure, figures
+from scenarios.trials.detection import trial_detector
 from scenarios.trials.records import TrialRecord, trial_run
 from split_drake.bad_input import BadInputError, require_count, require_numbers
 from split_drake.experiments.command import run_command
@@ -47,13 +47,14 @@ class SpeedOptions:
     detections: int = 11
     trials: int = 40
     seed: int = 0
-    detector: Literal["split", "oracle"] = "split"
+    detector: str = "split"
     against: str | None = None
 
     def __post_init__(self) -> None:
         require_numbers(self, flags=True)
         for name in ("detections", "trials", "seed"):
             require_count(f"--{name}", getattr(self, name))
+        trial_detector(self.detector)
         if self.against is not None and not self.trials:
             raise BadInputError("--against compares trials, --trials is 0; expected 1 at least")
         if self.against is not None and self.detector != "split":

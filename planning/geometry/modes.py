@@ -69,7 +69,7 @@ def modes_of(pose_set: PoseSet) -> list[Mode]:
         found.append(Mode(X_WP, score, X_WPs[members], pose_set.scores[members]))
     least = LEAST_SHARE * len(pose_set)
     large = max((mode.score for mode in found if len(mode.scores) >= least), default=0.0)
-    return [mode for mode in found if len(mode.scores) >= least or large < NEARLY * mode.score]
+    return [mode for mode in found if len(mode.scores) >= least or large <= NEARLY * mode.score]
 
 
 def mode_means(pose_set: PoseSet, count: int) -> list[tuple[Array, float]]:

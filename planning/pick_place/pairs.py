@@ -19,8 +19,8 @@ class BestPairs:
     Args:
         row_scores: (R,) scores of the rows; or bounds of them, where `exact` is given.
         column_scores: (C,) scores of the columns.
-        exact: what a row's score is, which is no more than its bound.  A row is asked for once, and
-            not before its turn may have come: a score may take long to find out.
+        exact: what a row's score is, which is no more than its bound.  It is asked for no earlier
+            than its turn may have come, and once an iteration: a score may take long to find out.
     """
 
     def __init__(

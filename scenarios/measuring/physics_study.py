@@ -25,6 +25,7 @@ from scenarios.study.trials import (
     run_study_trial,
     study_run,
 )
+from scenarios.trials.detection import TRIAL_STEP_S
 from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.pool import WorkerPool
@@ -92,7 +93,8 @@ def missing_trials(
 def main(options: StudyOptions) -> None:
     """Run what is missing of the study, and report."""
     console = Console()
-    run, cells = study_run(options.out), study_cells(StationConfig(Layout()), options.factors)
+    default = StationConfig(Layout(), time_step_s=TRIAL_STEP_S)
+    run, cells = study_run(options.out), study_cells(default, options.factors)
     if any(cell.kind == "hang" for cell in cells):
         check_rendering()
     with run.claim(study_config(options), _FREE_KEYS, again=lambda record: record.failed_to_run):

@@ -13,7 +13,7 @@ from split_drake.station.layout import HookShape, Layout
 Factor = Literal["time step", "contact", "friction", "mass", "peg radius", "peg tilt"]
 FACTORS: tuple[Factor, ...] = get_args(Factor)
 
-TIME_STEPS_S = (0.0005, 0.001, 0.0025, 0.005)
+TIME_STEPS_S = (0.0005, 0.001, 0.002, 0.005)
 CONTACTS: tuple[tuple[str, ContactModel, ContactApproximation], ...] = (
     ("point, similar", "point", "similar"),
     ("point, lagged", "point", "lagged"),

@@ -67,7 +67,7 @@ def worst(peaks: Iterable[Peaks]) -> Peaks | None:
 
 
 class LimitLog:
-    """Watches a station from its making on; uses the simulator's one monitor.
+    """Watches a station from the log's making on; uses the simulator's one monitor.
 
     Args:
         station: that is logged, with the mug as its first object.
@@ -82,6 +82,7 @@ class LimitLog:
         self._velocity = self._torque = self._depth_m = self._fixture_depth_m = 0.0
         self._looks = 0
         self._next_look_s = station.time_s
+        station.take_log()  # what came before is no part of what is watched
         # The simulator would keep what it calls, and this keeps the simulator.
         watching: WeakMethod[Callable[[Context], None]] = WeakMethod(self._watch)
         station.simulator.set_monitor(lambda context: _call(watching, context))
@@ -100,7 +101,7 @@ class LimitLog:
             self._next_look_s += _LOOK_S
 
     def _look(self) -> None:
-        """Take in how deep the robot is in something now, and from time to time its joints."""
+        """Take in how deep the robot was in something, and from time to time its joints."""
         depth_m, fixture_depth_m = self._truth.robot_depths_m()
         self._depth_m = max(self._depth_m, depth_m)
         self._fixture_depth_m = max(self._fixture_depth_m, fixture_depth_m)

@@ -163,7 +163,8 @@ class GenerateConfig:
         if self.station is None:
             return usual.layout
         asked = read_station(self.station, usual)
-        if replace(asked, layout=usual.layout) != usual:
+        # The usual station of trials steps further.
+        if replace(asked, layout=usual.layout, time_step_s=usual.time_step_s) != usual:
             Console(soft_wrap=True).print(
                 f"{self.station}: contact settings and depth noise do not change a dataset; rests "
                 "are those of split_drake.data.rests, and noise is added in training"

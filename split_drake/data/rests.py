@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.progress import track
 from scipy.spatial.transform import Rotation
 
 from split_drake.bad_input import BadInputError, require_numbers
@@ -95,16 +94,19 @@ def _kept(path: Path, source: MugSource) -> dict[str, Rests]:
         raise RestsError(
             f"{path} is missing; python -m split_drake.data.rests --mugs {source.where} makes it"
         )
-    return _read(path, source)
+    return _read(path, source.mugs_sha256())
 
 
-def _read(path: Path, source: MugSource) -> dict[str, Rests]:
-    """Return the rests in a file by their mugs' names; RestsError where it is of other mugs."""
+def _read(path: Path, mugs_sha256: str) -> dict[str, Rests]:
+    """Return the rests in a file by their mugs' names.
+
+    Raises RestsError where it is of others than those with that checksum.
+    """
     keys = ("names", "X_TOs", "dropped")
     arrays = read_npz(path, _WHAT, required=("mugs_sha256", *keys))
-    if (found := str(arrays["mugs_sha256"])) != (expected := source.mugs_sha256()):
+    if (found := str(arrays["mugs_sha256"])) != mugs_sha256:
         raise RestsError(
-            f"{path} was made for mugs of SHA-256 {found[:12]}, but they have {expected[:12]}; "
+            f"{path} was made for mugs of SHA-256 {found[:12]}, but they have {mugs_sha256[:12]}; "
             "python -m split_drake.data.rests makes it anew"
         )
     with interpreting(path, _WHAT):
@@ -169,38 +171,32 @@ def settle_split(config: SettleConfig, layout: Layout) -> None:
     """
     require_scheduler(config.scheduler)
     source = usable_mugs(MugSource(config.mugs), config.workers, Console()).source
-    names, file = list(source.names()), rests_path(config.mugs)
+    names, sha256 = list(source.names()), source.mugs_sha256()
+    file = rests_path(config.mugs)
     file.parent.mkdir(parents=True, exist_ok=True)
-    asked = {
-        "count": config.count,
-        "layout": layout_to_fields(layout),
-        "mugs_sha256": source.mugs_sha256(),
-        **code_version(),
-    }
-    with parts_of(file, asked) as parts:
-        missing = parts.missing(len(names))
-        settle_mug = partial(_settle_mug, source, config.count, layout)
-        arriving = make_pool(config.scheduler, config.workers, settle_mug).run(
-            [names[number] for number in missing]
-        )
-        for name, rests in track(arriving, "mugs", total=len(missing)):
-            _save(parts.path(names.index(name)), source, {name: rests})
-        found: dict[str, Rests] = {}
-        for number in range(len(names)):
-            found |= _read(parts.path(number), source)
-        _save(file, source, found)
-    dropped = sum(rests.dropped for rests in found.values())
+    settle_mug = partial(_settle_mug, source, config.count, layout)
+    pool = make_pool(config.scheduler, config.workers, settle_mug)
+    asked = {"count": config.count, "layout": layout_to_fields(layout), "mugs_sha256": sha256}
+    with parts_of(file, asked | code_version()) as parts:
+
+        def save(found: tuple[str, Rests]) -> None:
+            _save(parts.path(names.index(found[0])), sha256, dict([found]))
+
+        parts.make(names, pool.run, save, "mugs")
+        rests = [_read(parts.path(number), sha256)[name] for number, name in enumerate(names)]
+        _save(file, sha256, dict(zip(names, rests, strict=True)))
+    dropped = sum(each.dropped for each in rests)
     print(f"{len(names) * config.count} rests of {dropped} drops")
 
 
-def _save(path: Path, source: MugSource, rests: Mapping[str, Rests]) -> None:
-    """Write rests by their mugs' names, atomically."""
+def _save(path: Path, mugs_sha256: str, rests: Mapping[str, Rests]) -> None:
+    """Write rests by the names of mugs with that checksum, atomically."""
     with replacing(path) as temporary:
         np.savez_compressed(
             temporary,
             allow_pickle=False,
             names=np.array(list(rests)),
-            mugs_sha256=np.array(source.mugs_sha256()),
+            mugs_sha256=np.array(mugs_sha256),
             X_TOs=np.stack([each.X_TOs for each in rests.values()]).astype(np.float32),
             dropped=np.array([each.dropped for each in rests.values()]),
         )

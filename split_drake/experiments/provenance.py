@@ -63,12 +63,14 @@ def git_commit() -> str:
 def code_sha256() -> str:
     """Return a checksum of modules, robot, mugs and regions, edited or unknown to git as they are.
 
-    Weights and problems are named beside it by the runs that they matter to.
+    Weights and problems are named beside it by the runs that they matter to.  Parts of a file that
+    is being made are none of it.
     """
     digest = hashlib.sha256()
     for path in sorted(path for package in _SOURCES for path in (_ROOT / package).rglob("*")):
         name = path.relative_to(_ROOT)
-        if path.suffix in _SUFFIXES and "problems" not in name.parts:
+        unfinished = any(part.endswith(".parts") for part in name.parts)
+        if path.suffix in _SUFFIXES and "problems" not in name.parts and not unfinished:
             digest.update(f"{name}\0".encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -146,7 +146,7 @@ class SplitDetector:
         )
 
     def _with_sixteen(self, langevin: LangevinConfig) -> "SplitDetector":
-        """Return a detector of as many samples, from as wide a box, but other dynamics."""
+        """Return a detector of as many samples, from as wide a box, and the long sampler's rest."""
         config = replace(
             SIXTEEN_EVALUATIONS,
             samples=self.config.samples,

@@ -75,6 +75,7 @@ class Overlaps:
         """Return how deep each group overlapped when the last step began; 0 before the first.
 
         With point contact the step has found that out already, and no shape is looked at again.
+        With another contact model, return how deep they overlap now.
         """
         plant = self._plant
         if plant.get_contact_model() != ContactModel.kPoint:

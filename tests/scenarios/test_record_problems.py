@@ -14,11 +14,11 @@ from planning.motion.regions import load_regions
 from planning.problem import PlanningProblem
 from planning.problem_files import SHIPPED_PROBLEMS, load_problems, save_problems
 from scenarios import record_problems
+from scenarios.bench.recorded import Recorded
 from scenarios.making import grow_regions
 from scenarios.making.grow_regions import GrowOptions
 from scenarios.record_problems import (
     MAX_POSES,
-    Recorded,
     RecordOptions,
     Starts,
     main,
@@ -29,6 +29,7 @@ from scenarios.trials.mug_check import MugCheck
 from scenarios.trials.spec import TrialSpec
 from split_drake.bad_input import BadInputError
 from split_drake.experiments.pool import InThisProcess
+from split_drake.experiments.run import NoResultsError
 from split_drake.models_folder import MODELS_FOLDER
 from split_drake.objects.mugs.split import load_mug
 from split_drake.poses import make_pose
@@ -106,6 +107,31 @@ def test_a_start_without_a_problem_is_told_and_left_out(
     options = RecordOptions(count=2, detectors=("oracle",), out=tmp_path / "p.npz")
     assert len(load_problems(main(options))) == 1
     assert "first: left out: nothing was seen" in capsys.readouterr().out
+    with pytest.raises(NoResultsError, match="none of 1 starts gave a problem"):
+        main(replace(options, count=1, out=tmp_path / "none.npz"))
+    assert list(tmp_path.iterdir()) == [options.out]
+
+
+def test_what_crashed_is_tried_again(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[int] = []
+
+    def crashing(starts: Starts, spec: TrialSpec) -> Recorded:
+        started.append(spec.index)
+        if spec.index == 0 and started.count(0) == 1:
+            return Recorded(0, "seed 0", None, "the worker died", crashed=True)
+        if spec.index == 2:
+            return Recorded(2, "third", None, "nothing was seen")
+        return record_problem(starts, spec)
+
+    monkeypatch.setattr(record_problems, "record_problem", crashing)
+    monkeypatch.setattr(record_problems, "make_pool", in_this_process)
+    options = RecordOptions(count=3, detectors=("oracle",), out=tmp_path / "p.npz")
+    assert len(load_problems(main(options))) == 1
+    assert list(load_problems(main(options))) == list(load_problems(file))
+    assert started == [0, 1, 2, 0]
+    assert list(tmp_path.iterdir()) == [options.out]
 
 
 def test_problems_of_own_mugs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

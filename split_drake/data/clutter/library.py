@@ -15,7 +15,6 @@ from typing import Literal, Self
 import numpy as np
 import shapely
 import trimesh
-from rich.progress import track
 
 from split_drake.bad_input import BadInputError, require_count
 from split_drake.data.clutter.sizes import clutter_source
@@ -209,17 +208,18 @@ class GraspLibrary:
 
         What is in `parts` is not worked out again, and each object's are put there.
         """
-        names = list(source.names())
-        missing = parts.missing(len(names))
+        names, sha256 = list(source.names()), source.sha256()
         work = partial(_grasps_of, source)
         pool = InThisProcess(work) if workers == 1 else WorkerPool(work, workers)
-        arriving = pool.run([names[number] for number in missing])
-        for name, found in track(arriving, "objects", total=len(missing)):
-            cls(source.sha256(), {name: found}).save(parts.path(names.index(name)))
-        grasps: dict[str, ObjectGrasps] = {}
-        for number in range(len(names)):
-            grasps |= cls.load(parts.path(number), source).grasps
-        return cls(source.sha256(), grasps)
+
+        def save(found: tuple[str, ObjectGrasps]) -> None:
+            cls(sha256, dict([found])).save(parts.path(names.index(found[0])))
+
+        parts.make(names, pool.run, save, "objects")
+        loaded = [cls.load(parts.path(number), source) for number in range(len(names))]
+        return cls(
+            sha256, {name: each.grasps[name] for name, each in zip(names, loaded, strict=True)}
+        )
 
     def save(self, path: Path) -> None:
         """Write the library, atomically."""

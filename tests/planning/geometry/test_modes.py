@@ -103,6 +103,7 @@ def test_where_all_modes_are_small_none_is_a_fluke() -> None:
     poses = make_pose(p=np.column_stack([0.1 * np.arange(100), np.zeros(100), np.zeros(100)]))
     spread = PoseSet.ranked(GRASP, poses, np.linspace(0.9, 0.5, 100))
     assert len(modes_of(spread)) == 100
+    assert len(modes_of(PoseSet(GRASP, poses, np.zeros(100)))) == 100
     assert modes_of(PoseSet(GRASP, np.empty((0, 4, 4)), np.empty(0))) == []
 
 

@@ -58,6 +58,28 @@ def test_a_single_fast_step_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     assert log.peaks.velocity_share == pytest.approx(2.0)
 
 
+def test_what_came_before_the_log_is_no_peak() -> None:
+    station = watched()
+    station.command(Q_HOME + 0.5, np.zeros(7), 0.08, 40.0)
+    station.advance(0.3)
+    station.command(station.q, np.zeros(7), 0.08, 40.0)
+    station.advance(0.5)
+    log = LimitLog(station, Truth(station))
+    station.advance(0.05)
+    assert log.peaks.velocity_share < 0.1
+
+
+def test_the_weight_is_that_of_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    station = watched()
+    log = LimitLog(station, Truth(station))
+    stretched = np.array([0.0, 1.0, 0.0, -0.5, 0.0, 1.5, 0.0])
+    for qs in (np.stack([stretched, Q_HOME]), np.stack([Q_HOME, stretched])):
+        states = np.hstack([qs, np.zeros((2, 11))])
+        monkeypatch.setattr(station, "take_log", lambda states=states: (states, np.zeros((2, 7))))
+        share = np.abs(weight_torques_nm(stretched)) / arm_limits().effort_max_nm
+        assert log.peaks.torque_share == pytest.approx(share.max())
+
+
 def test_joints_are_read_in_every_step_and_once() -> None:
     station = watched()
     station.take_log()
