@@ -108,3 +108,16 @@ def test_each_object_has_a_scene_of_its_own() -> None:
         assert np.abs(scene.p_WSs[:, :2] - middle).max() < 0.031
         assert scene.workspace == both.workspace
     assert scenes_of_objects(large) == [large]
+
+
+@pytest.mark.parametrize(("edge_m", "count"), [(0.052, 1), (0.080, 2)])
+def test_what_lies_below_an_edge_is_of_what_hides_it_unless_it_is_large(
+    edge_m: float, count: int
+) -> None:
+    def plate(x_m: float, size_m: float, z_m: float) -> Array:
+        steps = np.arange(0.0, size_m, 0.002)
+        x, y = np.meshgrid(x_m + steps, steps)
+        return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z_m)])
+
+    above, below = plate(0.0, 0.112, 0.06), plate(0.11, edge_m, 0.03)
+    assert len(objects_in_view(np.concatenate([above, below]))) == count
