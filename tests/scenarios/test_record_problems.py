@@ -42,10 +42,18 @@ from tests.helpers.planning import STANDING, mug_problem
 HANG_PROBLEM = "hang-oracle-test-0"
 
 
-def in_this_process(
+def _in_this_process(
     scheduler: str, workers: int, work: Callable[[TrialSpec], Recorded], *_: object, **__: object
 ) -> InThisProcess[TrialSpec, Recorded]:
     return InThisProcess(work)
+
+
+def record_by(
+    work: Callable[[Starts, TrialSpec], Recorded], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Have starts recorded by `work`, in this process."""
+    monkeypatch.setattr(record_problems, "record_problem", work)
+    monkeypatch.setattr(record_problems, "make_pool", _in_this_process)
 
 
 @pytest.fixture(scope="module")
@@ -77,8 +85,7 @@ def test_an_interrupted_recording_goes_on(
             raise KeyboardInterrupt
         return record_problem(starts, spec)
 
-    monkeypatch.setattr(record_problems, "record_problem", interrupting)
-    monkeypatch.setattr(record_problems, "make_pool", in_this_process)
+    record_by(interrupting, monkeypatch)
     options = RecordOptions(count=2, detectors=("oracle",), out=tmp_path / "p.npz")
     with pytest.raises(SystemExit, match="the same command goes on"):
         main(options)
@@ -102,8 +109,7 @@ def test_a_start_without_a_problem_is_told_and_left_out(
             return Recorded(0, "first", None, "nothing was seen")
         return record_problem(starts, spec)
 
-    monkeypatch.setattr(record_problems, "record_problem", refusing)
-    monkeypatch.setattr(record_problems, "make_pool", in_this_process)
+    record_by(refusing, monkeypatch)
     options = RecordOptions(count=2, detectors=("oracle",), out=tmp_path / "p.npz")
     assert len(load_problems(main(options))) == 1
     assert "first: left out: nothing was seen" in capsys.readouterr().out
@@ -125,8 +131,7 @@ def test_what_crashed_is_tried_again(
             return Recorded(2, "third", None, "nothing was seen")
         return record_problem(starts, spec)
 
-    monkeypatch.setattr(record_problems, "record_problem", crashing)
-    monkeypatch.setattr(record_problems, "make_pool", in_this_process)
+    record_by(crashing, monkeypatch)
     options = RecordOptions(count=3, detectors=("oracle",), out=tmp_path / "p.npz")
     assert len(load_problems(main(options))) == 1
     assert list(load_problems(main(options))) == list(load_problems(file))
