@@ -1,5 +1,7 @@
 """The collision world: each kind of contact, and exactly the declared exemptions."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 
@@ -46,7 +48,9 @@ def is_free(q: Array, situation: Situation) -> bool:
     return bool(world().free(q[None], situation)[0])
 
 
-def query_at(q: Array, opening_m: float) -> tuple[QueryObject, object]:
+@contextmanager
+def query_at(q: Array, opening_m: float) -> Iterator[QueryObject]:
+    """Answer by Drake; a query reads its diagram and context, which live as long as the block."""
     builder = RobotDiagramBuilder(time_step=0.001)
     panda = add_panda(builder.plant())
     add_table(builder.plant(), Layout())
@@ -56,7 +60,7 @@ def query_at(q: Array, opening_m: float) -> tuple[QueryObject, object]:
     plant = diagram.plant()
     plant_context = plant.GetMyMutableContextFromRoot(context)
     plant.SetPositions(plant_context, panda, panda_positions(q, opening_m))
-    return plant.get_geometry_query_input_port().Eval(plant_context), context
+    yield plant.get_geometry_query_input_port().Eval(plant_context)
 
 
 def test_robot_against_table_hook_and_itself() -> None:
@@ -75,7 +79,6 @@ def test_capsule_distances_agree_with_drake() -> None:
     limits = arm_limits()
     q = rng.uniform(limits.q_lower, limits.q_upper)
     points = rng.uniform((-0.2, -0.5, 0.1), (0.8, 0.5, 1.0), (200, 3))
-    query, _context = query_at(q, 0.0)
     X_WLs = np.concatenate([np.eye(4)[None], link_poses(q[None])[0]])
     capsules = [
         (transform_points(X_WLs[link], capsule.p_FEnds), capsule.radius_m)
@@ -83,11 +86,12 @@ def test_capsule_distances_agree_with_drake() -> None:
     ]
     capsules += [(capsule.p_FEnds, capsule.radius_m) for capsule in hook_capsules(Layout())[:1]]
     ours = np.stack([distance_to_segments(points, *ends) - radius for ends, radius in capsules])
-    for index, point in enumerate(points):
-        hits = query.ComputeSignedDistanceToPoint(point, 2.0)
-        exact = np.sort([hit.distance for hit in hits])
-        for distance in ours[:, index]:
-            assert np.abs(exact - distance).min() < 1e-9
+    with query_at(q, 0.0) as query:
+        for index, point in enumerate(points):
+            hits = query.ComputeSignedDistanceToPoint(point, 2.0)
+            exact = np.sort([hit.distance for hit in hits])
+            for distance in ours[:, index]:
+                assert np.abs(exact - distance).min() < 1e-9
 
 
 def test_box_distances() -> None:
