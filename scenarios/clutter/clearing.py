@@ -50,7 +50,7 @@ class Clearing(Protocol):
 
 
 class HandClearing:
-    """A floating hand, which can try any grasp, and removes what it took."""
+    """A floating hand, which can try any grasp, and removes what it took for good."""
 
     def __init__(self, station: HandStation, camera: CameraPlacement) -> None:
         self._station = station
@@ -83,6 +83,7 @@ class HandClearing:
         execution = execute_grasp(self._station, found.X_WPs[chosen])
         held = execution.held if execution.success else ()
         removal = clear_away(self._station, self.truth, held)
+        self._station.discard_parked()
         return GraspRecord(
             X_WG=found.X_WPs[chosen].tolist(),
             score=float(found.scores[chosen]),

@@ -117,6 +117,7 @@ class ClutterRound:
         start = draw_start(spec, station, self._start_rng)
         self._names = tuple(objects[index].name for index in start.indices)
         if with_hand:
+            station.discard_parked()
             return HandClearing(station, side_camera(spec.layout.workspace))
         config = StationConfig(spec.layout, meshcat_rate_hz=FRAMES_PER_SECOND)
         there = [objects[index] for index in start.indices]

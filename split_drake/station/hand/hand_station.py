@@ -246,12 +246,23 @@ class HandStation:
         return self._loose.present
 
     def place_object(self, index: int, X_WO: ArrayLike) -> None:
-        """Put object `index` at rest at X_WO (4, 4), free to move."""
+        """Put object `index` at rest at X_WO (4, 4), free to move.
+
+        Raises ValueError where it was discarded.
+        """
         self._loose.place(self.plant_context, index, X_WO)
 
     def park_object(self, index: int) -> None:
         """Take object `index` out of the way, wherever it is."""
         self._loose.park(self.plant_context, index)
+
+    def discard_parked(self) -> None:
+        """Forget the objects that are parked, which cannot be placed again.
+
+        Parked ones cost time in every step: seven of twelve a third of it.
+        """
+        geometry_context = self._scene_graph.GetMyMutableContextFromRoot(self._context)
+        self._loose.discard_parked(self._scene_graph, geometry_context)
 
     def put_fence_up(self) -> None:
         """Put walls around the workspace."""

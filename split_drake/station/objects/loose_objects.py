@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydrake.geometry import Role, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import MultibodyPlant
@@ -37,6 +38,7 @@ class LooseObjects:
         self._plant = plant
         self._bodies = tuple(bodies)
         self._present = set(range(len(bodies)))
+        self._discarded: set[int] = set()
 
     @property
     def present(self) -> tuple[int, ...]:
@@ -44,7 +46,12 @@ class LooseObjects:
         return tuple(sorted(self._present))
 
     def place(self, context: Context, index: int, X_WO: ArrayLike) -> None:
-        """Put object `index` at rest at X_WO (4, 4), free to move."""
+        """Put object `index` at rest at X_WO (4, 4), free to move.
+
+        Raises ValueError where it was discarded.
+        """
+        if index in self._discarded:
+            raise ValueError(f"object {index} was discarded; expected one that was not")
         pose, body = RigidTransform(check_poses(X_WO, "X_WO")), self._bodies[index]
         free_joint(self._plant, body).Unlock(context)
         put_body(self._plant, context, body, pose)
@@ -57,3 +64,11 @@ class LooseObjects:
         put_body(self._plant, context, body, parked)
         free_joint(self._plant, body).Lock(context)
         self._present.discard(index)
+
+    def discard_parked(self, scene_graph: SceneGraph, geometry_context: Context) -> None:
+        """Take what is parked out of the collisions of a context for good."""
+        source = self._plant.get_source_id()
+        for index in set(range(len(self._bodies))) - self._present - self._discarded:
+            frame = self._plant.GetBodyFrameIdOrThrow(self._bodies[index].index())
+            scene_graph.RemoveRole(geometry_context, source, frame, Role.kProximity)
+            self._discarded.add(index)

@@ -175,6 +175,23 @@ def test_parked_things_stay_where_they_are_and_are_not_seen(station: HandStation
     assert empty.depth_m.min() == pytest.approx(0.6, abs=1e-3)
 
 
+def test_what_is_discarded_touches_nothing_and_cannot_come_back() -> None:
+    station = HandStation(solids(), Layout())
+    clear(station)
+    stand(station, TALL)
+    station.discard_parked()
+    # Where a parked object is, the hand touches nothing; where one stands, it does.
+    station.place_hand(Truth(station).X_WO(CAN))
+    assert not station.touching()
+    station.place_hand(Truth(station).X_WO(TALL))
+    assert "tall" in station.touching()
+    station.park_hand()
+    station.advance(0.2)
+    assert Truth(station).X_WO(TALL)[2, 3] > -0.01
+    with pytest.raises(ValueError, match="object 1 was discarded"):
+        station.place_object(CAN, make_pose(p=(0.5, 0.0, 0.1)))
+
+
 def test_cameras_stand_anywhere_from_one_picture_to_the_next(station: HandStation) -> None:
     stand(station, CUBE)
     station.advance(0.1)
