@@ -3,7 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 # Drake's wheel needs glib to be imported; depth rendering needs EGL with Mesa's software driver.
-# Each library is looked for by loading it, since Ubuntu renames some packages.
+# Each library is looked for by loading it, since Ubuntu renames some packages.  Trials take less
+# time where jemalloc is installed, and need it for nothing else.
 NEEDED := libglib-2.0.so.0:libglib2.0-0 libEGL.so.1:libegl1
 
 export OMP_WAIT_POLICY := PASSIVE
@@ -20,18 +21,22 @@ $(VENV)/.ready: pyproject.toml | system-libraries
 	@echo "set up"
 
 system-libraries:
-	@missing=""; for needed in $(NEEDED); do \
+	@missing=""; wished=""; for needed in $(NEEDED); do \
 	  $(PYTHON) -c "import ctypes; ctypes.CDLL('$${needed%%:*}')" 2>/dev/null \
 	    || missing="$$missing $${needed##*:}"; done; \
 	dpkg -s libgl1-mesa-dri >/dev/null 2>&1 || missing="$$missing libgl1-mesa-dri"; \
 	$(PYTHON) -c "import ensurepip" 2>/dev/null || missing="$$missing python3-venv"; \
-	if [ -z "$$missing" ]; then exit 0; fi; \
+	$(PYTHON) -c "import ctypes.util as u; exit(u.find_library('jemalloc') is None)" \
+	  || wished=" libjemalloc2"; \
+	if [ -z "$$missing$$wished" ]; then exit 0; fi; \
 	if [ "$$(id -u)" = 0 ]; then \
-	  echo "installing$$missing: some seconds"; \
-	  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq \
-	    --no-install-recommends $$missing >/dev/null; \
+	  echo "installing$$missing$$wished: some seconds"; \
+	  { apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq \
+	    --no-install-recommends $$missing$$wished >/dev/null; } || [ -z "$$missing" ]; \
+	elif [ -n "$$missing" ]; then \
+	  echo "missing Debian packages; run: sudo apt-get install -y$$missing$$wished"; exit 1; \
 	else \
-	  echo "missing Debian packages; run: sudo apt-get install -y$$missing"; exit 1; \
+	  echo "trials take less time with jemalloc: sudo apt-get install -y$$wished"; \
 	fi
 
 test: setup

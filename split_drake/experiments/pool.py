@@ -14,6 +14,7 @@ from multiprocessing.process import BaseProcess
 from typing import Generic, TypeVar
 
 from split_drake.bad_input import BadInputError, require_count
+from split_drake.experiments.allocator import starting_with_allocator
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -116,7 +117,8 @@ class WorkerPool(Generic[Item, Result]):
         try:
             while waiting or running:
                 while waiting and len(running) < workers:
-                    future = executor.submit(_work, self._function, waiting[-1])
+                    with starting_with_allocator():
+                        future = executor.submit(_work, self._function, waiting[-1])
                     running[future] = _Started(waiting.pop(), time.monotonic())
                 done, _ = wait(running, self._poll_s(), return_when=FIRST_COMPLETED)
                 for future in done:

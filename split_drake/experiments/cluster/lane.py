@@ -13,6 +13,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from pickle import loads
 
+from split_drake.experiments.allocator import allocator_environment
 from split_drake.experiments.cluster.lane_program import Answer, Assignment, Connected
 
 # A crash may be another program's doing, such as one that took all memory: an item gets so many
@@ -89,7 +90,11 @@ class Lane:
             pass_fds=(handle,),
             # What is kept relative to the current folder goes with the worker's own.
             cwd=here,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+            env={
+                **os.environ,
+                **allocator_environment(),
+                "PYTHONPATH": os.pathsep.join(paths),
+            },
         )
         theirs.close()
         self._pipe = ours
