@@ -11,7 +11,7 @@ from planning.problem import SAMPLE_S, Segment, SegmentName, Stage
 from split_drake.camera import DepthView
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_OPENING_M
-from split_drake.robot.kinematics import gripper_force
+from split_drake.robot.panda import gripper_force
 
 # The force is not looked at while the arm gets moving, which takes force as well.
 CONTACT_AFTER_S = 0.15

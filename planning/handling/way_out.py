@@ -22,7 +22,8 @@ from planning.problem import Segment, SegmentName
 from planning.subgoal import AllowedContact
 from split_drake.poses import Array
 from split_drake.robot.gripper import MAX_OPENING_M
-from split_drake.robot.kinematics import gripper_force, gripper_pose
+from split_drake.robot.kinematics import gripper_pose
+from split_drake.robot.panda import gripper_force
 
 # Each way leans off the surface that was felt on the one before by so much more.
 LEAN_RAD = np.radians(20.0)

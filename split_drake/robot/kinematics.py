@@ -53,13 +53,6 @@ def gripper_pose(q: ArrayLike) -> Array:
     return np.asarray(gripper_poses(np.reshape(np.asarray(q, dtype=float), (1, 7)))[0])
 
 
-def gripper_jacobian(q: ArrayLike) -> Array:
-    """Return the (3, 7) Jacobian of G's origin in W at joint angles `q` (7,)."""
-    X_WLs = link_poses(np.reshape(np.asarray(q, dtype=float), (1, 7)))[0]
-    p_WG = (X_WLs[6] @ X_7G)[:3, 3]
-    return np.cross(X_WLs[:, :3, 2], p_WG - X_WLs[:, :3, 3]).T
-
-
 def _dh_transforms(a: float, alpha: float, d: float, theta: Array) -> Array:
     c, s, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
     X = np.zeros((len(theta), 4, 4))
@@ -178,11 +171,3 @@ def _upper_arm_angle(q1: Array, q2: Array, x3: Array) -> Array:
 def _wrap_up(angle: Array, lower: float) -> Array:
     """Return `angle` moved by whole turns into [lower, lower + 2 pi)."""
     return lower + np.mod(angle - lower, 2.0 * np.pi)
-
-
-def gripper_force(q: Array, torques_nm: Array) -> Array:
-    """Return the force (3,) in W at the gripper that best explains the joint torques (7,).
-
-    The least-squares solution of tau = J^T f for the position Jacobian J at `q` (7,).
-    """
-    return np.asarray(np.linalg.lstsq(gripper_jacobian(q).T, torques_nm, rcond=None)[0], float)

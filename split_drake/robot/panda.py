@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.multibody.tree import JacobianWrtVariable, ModelInstanceIndex
 from pydrake.systems.framework import Context
 
 from split_drake.models_folder import MODELS_FOLDER
@@ -84,6 +84,23 @@ def weight_torques_nm(q: Array) -> Array:
     plant, context = _panda_alone()
     plant.SetPositions(context, panda_positions(q, 0.0))
     return -np.asarray(plant.CalcGravityGeneralizedForces(context))[:7]
+
+
+def gripper_jacobian(q: Array) -> Array:
+    """Return the (3, 7) Jacobian of G's origin in W at joint angles `q` (7,)."""
+    plant, context = _panda_alone()
+    plant.SetPositions(context, panda_positions(q, 0.0))
+    W, G = plant.world_frame(), plant.GetFrameByName(GRIPPER_FRAME)
+    by_speeds = JacobianWrtVariable.kV
+    return plant.CalcJacobianTranslationalVelocity(context, by_speeds, G, np.zeros(3), W, W)[:, :7]
+
+
+def gripper_force(q: Array, torques_nm: Array) -> Array:
+    """Return the force (3,) in W at the gripper that best explains the joint torques (7,).
+
+    The least-squares solution of tau = J^T f for the position Jacobian J at `q` (7,).
+    """
+    return np.asarray(np.linalg.lstsq(gripper_jacobian(q).T, torques_nm, rcond=None)[0], float)
 
 
 @lru_cache(maxsize=1)

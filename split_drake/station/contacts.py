@@ -1,6 +1,8 @@
 """Who touches a body, and how deep, in a plant with point or hydroelastic contact."""
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Sequence
+from itertools import product
 
 import numpy as np
 from pydrake.geometry import GeometryId
@@ -56,20 +58,24 @@ class Overlaps:
         self, plant: MultibodyPlant, groups: Sequence[tuple[Collection[str], Collection[str]]]
     ) -> None:
         self._plant = plant
-        self._bodies = [(_bodies(plant, one), _bodies(plant, other)) for one, other in groups]
+        self._count = len(groups)
+        # {(a body, another one): the groups that both are in}, in either order.
+        self._groups = defaultdict[tuple[BodyIndex, BodyIndex], set[int]](set)
+        for number, (ones, others) in enumerate(groups):
+            for one, other in product(_bodies(plant, ones), _bodies(plant, others)):
+                self._groups[one, other].add(number)
+                self._groups[other, one].add(number)
 
     def depths_m(self, context: Context) -> list[float]:
         """Return how deep each group overlaps now, as `penetration_m` has it."""
         query = self._plant.get_geometry_query_input_port().Eval(context)
-        inspector, plant = query.inspector(), self._plant
-        return self._deepest(
-            (
-                plant.GetBodyFromFrameId(inspector.GetFrameId(pair.id_A)).index(),
-                plant.GetBodyFromFrameId(inspector.GetFrameId(pair.id_B)).index(),
-                pair.depth,
-            )
-            for pair in query.ComputePointPairPenetration()
-        )
+        inspector, plant, deepest = query.inspector(), self._plant, [0.0] * self._count
+        for pair in query.ComputePointPairPenetration():
+            a = plant.GetBodyFromFrameId(inspector.GetFrameId(pair.id_A)).index()
+            b = plant.GetBodyFromFrameId(inspector.GetFrameId(pair.id_B)).index()
+            for group in self._groups.get((a, b), ()):
+                deepest[group] = max(deepest[group], float(pair.depth))
+        return deepest
 
     def depths_in_last_step_m(self, context: Context) -> list[float]:
         """Return how deep each group overlapped when the last step began; 0 before the first.
@@ -77,22 +83,15 @@ class Overlaps:
         With point contact the step has found that out already, and no shape is looked at again.
         With another contact model, return how deep they overlap now.
         """
-        plant = self._plant
+        plant, deepest = self._plant, [0.0] * self._count
         if plant.get_contact_model() != ContactModel.kPoint:
             return self.depths_m(context)
         results = plant.get_contact_results_output_port().Eval(context)
-        infos = map(results.point_pair_contact_info, range(results.num_point_pair_contacts()))
-        return self._deepest(
-            (info.bodyA_index(), info.bodyB_index(), info.point_pair().depth) for info in infos
-        )
-
-    def _deepest(self, overlaps: Iterable[tuple[BodyIndex, BodyIndex, float]]) -> list[float]:
-        """Return each group's deepest overlap of those given."""
-        deepest = [0.0] * len(self._bodies)
-        for a, b, depth_m in overlaps:
-            for number, (ones, others) in enumerate(self._bodies):
-                if (a in ones and b in others) or (b in ones and a in others):
-                    deepest[number] = max(deepest[number], float(depth_m))
+        # Most contacts are none of the groups', such as an object's with the table.
+        for number in range(results.num_point_pair_contacts()):
+            info = results.point_pair_contact_info(number)
+            for group in self._groups.get((info.bodyA_index(), info.bodyB_index()), ()):
+                deepest[group] = max(deepest[group], float(info.point_pair().depth))
         return deepest
 
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from split_drake.camera import DepthView
 from split_drake.poses import Array
-from split_drake.robot.kinematics import gripper_jacobian, gripper_pose
+from split_drake.robot.kinematics import gripper_pose
+from split_drake.robot.panda import gripper_jacobian
 from split_drake.robot.posture import Q_HOME
 
 

@@ -6,7 +6,8 @@ import pytest
 from planning.execution.executor import Executor
 from planning.execution.faults import BLOCKING_FORCE_N, CONTACT_FORCE_N, Fault
 from planning.problem import SAMPLE_S, Plan, Segment, SegmentName, Stage
-from split_drake.robot.kinematics import gripper_force, gripper_jacobian, gripper_pose
+from split_drake.robot.kinematics import gripper_pose
+from split_drake.robot.panda import gripper_force, gripper_jacobian
 from split_drake.robot.posture import Q_HOME
 from tests.helpers.planning import reorient_plan
 from tests.helpers.robot import PerfectRobot

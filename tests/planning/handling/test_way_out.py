@@ -11,7 +11,8 @@ from planning.execution.faults import CATCHING_FORCE_N, Fault
 from planning.handling.way_out import FREE_FORCE_N, LEAN_RAD, WayOut, leaned
 from planning.problem import SegmentName, Stage
 from split_drake.poses import Array
-from split_drake.robot.kinematics import gripper_jacobian, gripper_pose
+from split_drake.robot.kinematics import gripper_pose
+from split_drake.robot.panda import gripper_jacobian
 from split_drake.station.layout import Layout
 from tests.helpers.planning import configuration
 from tests.helpers.robot import PerfectRobot

@@ -12,7 +12,6 @@ from planning.pick_place.pick import Q_COMFORT
 from split_drake.poses import Array, make_pose, rotation_x, rotation_z
 from split_drake.robot.kinematics import (
     closed_form_ik,
-    gripper_jacobian,
     gripper_pose,
     gripper_poses,
 )
@@ -20,6 +19,7 @@ from split_drake.robot.panda import (
     GRIPPER_FRAME,
     add_panda,
     arm_limits,
+    gripper_jacobian,
     panda_positions,
 )
 from split_drake.robot.posture import Q_HOME

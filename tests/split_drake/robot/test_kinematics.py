@@ -3,22 +3,20 @@
 import numpy as np
 import pytest
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.framework import Context
 
 from split_drake.poses import Array
 from split_drake.robot.kinematics import (
     LIMIT_MARGIN_RAD,
     closed_form_ik,
-    gripper_force,
-    gripper_jacobian,
     gripper_poses,
     link_poses,
 )
 from split_drake.robot.panda import (
-    GRIPPER_FRAME,
     add_panda,
     arm_limits,
+    gripper_force,
+    gripper_jacobian,
     panda_positions,
 )
 from split_drake.robot.posture import Q_HOME
@@ -46,17 +44,6 @@ def test_every_link_is_where_drake_has_it(drake: tuple[MultibodyPlant, Context])
             link = plant.GetBodyByName(f"panda_link{number}")
             expected = plant.EvalBodyPoseInWorld(context, link).GetAsMatrix4()
             np.testing.assert_allclose(X_WL, expected, atol=1e-9, err_msg=link.name())
-
-
-def test_the_jacobian_is_drakes(drake: tuple[MultibodyPlant, Context]) -> None:
-    plant, context = drake
-    world, gripper = plant.world_frame(), plant.GetFrameByName(GRIPPER_FRAME)
-    for q in random_qs(10):
-        plant.SetPositions(context, panda_positions(q, 0.03))
-        expected = plant.CalcJacobianTranslationalVelocity(
-            context, JacobianWrtVariable.kQDot, gripper, np.zeros(3), world, world
-        )
-        np.testing.assert_allclose(gripper_jacobian(q), expected[:, :7], atol=1e-9)
 
 
 def test_torques_that_no_force_explains_are_explained_as_well_as_they_can() -> None:
