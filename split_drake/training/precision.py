@@ -1,4 +1,4 @@
-"""Which type of numbers training computes in: what the processor does in hardware."""
+"""Which type of numbers is computed in: what the processor does in hardware."""
 
 import time
 from typing import Literal
@@ -11,7 +11,10 @@ Precision = Literal["auto", "float32", "bfloat16"]
 _SIZE, _REPEATS = 768, 3
 
 
-def uses_bfloat16(precision: Precision, device: torch.device) -> bool:
+CPU = torch.device("cpu")
+
+
+def uses_bfloat16(precision: Precision, device: torch.device = CPU) -> bool:
     """Return whether to compute in bfloat16; "auto" measures which type is faster on the device."""
     if precision != "auto":
         return precision == "bfloat16"

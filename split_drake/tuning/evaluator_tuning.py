@@ -184,7 +184,7 @@ def tune_steps(
     adam = torch.optim.Adam(tuned, config.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, config.steps)
     generator = torch.Generator().manual_seed(config.seed)
-    bfloat16 = uses_bfloat16("auto", torch.device("cpu"))
+    bfloat16 = uses_bfloat16("auto")
     loss_of = partial(_whole_loss, bfloat16=bfloat16) if config.whole else _evaluator_loss
     for _ in range(config.steps):
         batch = draw_batch(scenes, config.batch, network.config, generator)

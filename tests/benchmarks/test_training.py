@@ -44,7 +44,7 @@ def scene_steps_per_s(take_step: TakeStep, threads: int) -> float:
 def test_a_process_for_each_core(threads: int, capsys: pytest.CaptureFixture[str]) -> None:
     assert threads == PROCESSES
     keep_freed_memory()
-    bfloat16 = uses_bfloat16("auto", torch.device("cpu"))
+    bfloat16 = uses_bfloat16("auto")
     alone = make_trainer(BatchConfig(), bfloat16)
     make_share = partial(make_trainer, BatchConfig().share(PROCESSES), bfloat16)
     rates = list[tuple[float, float]]()

@@ -32,16 +32,23 @@ class Se3DifDetector:
         network: whose energy is followed.
         segments: whether each segment is looked at alone, or the whole cloud at once.
         sampler: how poses are drawn; segments share the samples equally.
+        in_bfloat16: whether the energy's products are computed in that type, which moves grasps by
+            less than a millimetre: Langevin's own noise is a hundred times as large.
     """
 
     tasks = (GRASP,)
 
     def __init__(
-        self, network: Se3DifNetwork, segments: bool, sampler: Se3DifSampler | None = None
+        self,
+        network: Se3DifNetwork,
+        segments: bool,
+        sampler: Se3DifSampler | None = None,
+        in_bfloat16: bool = False,
     ) -> None:
         self._network = network.eval().requires_grad_(False)
         self._segments = segments
         self._sampler = sampler or Se3DifSampler()
+        self._in_bfloat16 = in_bfloat16
 
     def detect(
         self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
@@ -71,7 +78,9 @@ class Se3DifDetector:
         points = torch.tensor(p_WPs, dtype=torch.float32)
         cloud, middle = scaled_cloud(drawn_points(points, CLOUD_POINTS, generator))
         with torch.no_grad():
+            self._network.in_bfloat16 = False
             code = self._network.encode(cloud[None])
+            self._network.in_bfloat16 = self._in_bfloat16
             R, p, energy = sampler.draw(self._network, code, generator)
         p_WGs = p / SCALE + middle
         R_WGs = _orthonormal(R.double().numpy())

@@ -122,6 +122,22 @@ def test_whole_scenes_and_segments_are_looked_at(network: Se3DifNetwork) -> None
         assert len(found[segments]) <= FEW.samples
 
 
+def test_bfloat16_leaves_the_grasps_where_they_are(network: Se3DifNetwork) -> None:
+    seen = views((1, 0.43, -0.05), cameras=[side_view()])
+    scene = Scene.from_views(seen, Layout().workspace)
+    exact, rounded = (
+        Se3DifDetector(network, False, FEW, each).detect(scene, ["grasp"], np.random.default_rng(0))
+        for each in (False, True)
+    )
+    assert not np.array_equal(exact["grasp"].X_WPs, rounded["grasp"].X_WPs)
+    assert len(exact["grasp"]) == len(rounded["grasp"])
+    # Nearly equal scores may change places.
+    order, other = (np.argsort(each["grasp"].X_WPs[:, 0, 3]) for each in (exact, rounded))
+    np.testing.assert_allclose(
+        exact["grasp"].X_WPs[order], rounded["grasp"].X_WPs[other], atol=2e-3
+    )
+
+
 def test_counts_of_the_sampler_are_checked() -> None:
     with pytest.raises(ValueError, match="samples=0, steps=1, still_steps=0; expected one or more"):
         Se3DifSampler(0, 1, 0)

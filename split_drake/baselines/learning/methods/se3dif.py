@@ -21,7 +21,7 @@ class Se3DifLessons(Lessons):
     def __init__(self, scenes: CloudScenes, segments: bool) -> None:
         self._scenes, self._segments = scenes, segments
         self.network = Se3DifNetwork()
-        self.bfloat16 = uses_bfloat16("auto", torch.device("cpu"))
+        self.bfloat16 = uses_bfloat16("auto")
 
     def __len__(self) -> int:
         return len(self._scenes)
