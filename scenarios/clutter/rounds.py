@@ -150,8 +150,8 @@ class ClutterRound:
         while clearing.left:
             scene = self._look(clearing)
             found = NOTHING if scene is None else detector.detect(scene, self._rng)
-            if self._method.doubt is not None:
-                found = self._method.doubt.believed(found, X_WGfailed)
+            if scene is not None and self._method.doubt is not None:
+                found = self._method.doubt.believed(found, X_WGfailed, scene.p_WPs)
             if scene is not None and self._recorder:
                 found_by_task = {GRASP.name: found}
                 self._recorder.show_perception(scene.p_WPs, found_by_task, clearing.time_s)

@@ -9,7 +9,7 @@ from split_drake.scene import Workspace
 
 # In 120 packed rounds of training shapes, of grasps within 6 cm of one that had just failed 5 of
 # 26 scored less succeeded, and 2 of 3 scored so much.
-DOUBT = Doubt(within_m=0.06, least=0.7)
+DOUBT = Doubt(within_m=0.06, thing_m=0.18, least=0.7)
 
 if TYPE_CHECKING:  # PyTorch is imported by those who need it
     from split_drake.split.detector import SplitDetector

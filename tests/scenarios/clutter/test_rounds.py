@@ -64,7 +64,7 @@ def test_what_failed_is_not_tried_again_by_a_method_that_doubts_it(
 ) -> None:
     in_the_air = make_pose(DOWN, (0.5, 0.0, 0.3))[None]
     detecting(monkeypatch, lambda scene: ranked(in_the_air, [0.5]))
-    doubting = replace(oracle.DETECTOR, doubt=Doubt(within_m=0.06, least=0.7))
+    doubting = replace(oracle.DETECTOR, doubt=Doubt(within_m=0.06, thing_m=0.18, least=0.7))
     monkeypatch.setattr(rounds, "clutter_detector", lambda name, checkpoint: doubting)
     record = run_round(spec_of(tmp_path))
     assert (record.ended, len(record.grasps)) == (NO_GRASP, 1)
