@@ -56,8 +56,7 @@ class ClutterOptions:
         rounds: of each seed.
         seeds: how many seeds there are, from `first_seed` on.
         first_seed: of them.
-        detector: the method that finds grasps: split, split_plain (that keeps
-            no memory of its failures), split_8 (of eight network evaluations in
+        detector: the method that finds grasps: split, split_8 (of eight network evaluations in
             place of four), oracle (the true ones of what lies there), vgn, giga, se3dif (of the
             whole scene) or se3dif_segments; each is a file in scenarios/clutter/detectors.
         checkpoint: its parameters: of split such as models/weights/split_clutter.safetensors, of

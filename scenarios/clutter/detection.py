@@ -13,7 +13,6 @@ from typing import Protocol
 import numpy as np
 
 from scenarios.clutter.clearing import Clearing
-from scenarios.clutter.doubt import Doubt
 from split_drake.bad_input import BadInputError
 from split_drake.experiments.room_files import constants_in
 from split_drake.pose_set import PoseDetector, PoseSet
@@ -50,7 +49,6 @@ class ClutterDetector:
             it may draw from once.  Called once a round: what is expensive should be kept.
         check: raises BadInputError where that file is of no use, before the first round.
         workspace: returns the cube that its scenes are cropped to, given that file.
-        doubt: of its grasps beside one that failed; None for a method that keeps no memory.
     """
 
     name: str
@@ -58,7 +56,6 @@ class ClutterDetector:
     make: Callable[[Path | None, Clearing, np.random.Generator], GraspFinder]
     check: Callable[[Path | None], None] = lambda path: None
     workspace: Callable[[Path | None], Workspace] = usual_workspace
-    doubt: Doubt | None = None
 
 
 class TaskDetector(PoseDetector, Protocol):
@@ -117,12 +114,11 @@ def with_parameters(
     checkpoint: str,
     load: Callable[[Path], TaskDetector],
     workspace: Callable[[Path | None], Workspace] = usual_workspace,
-    doubt: Doubt | None = None,
 ) -> ClutterDetector:
     """Return a method whose detector is loaded from a file, once a process, on one thread.
 
     Args:
-        name, checkpoint, workspace, doubt: as in `ClutterDetector`.
+        name, checkpoint, workspace: as in `ClutterDetector`.
         load: returns the detector with the parameters of a file.
     """
 
@@ -141,7 +137,7 @@ def with_parameters(
         assert path is not None
         find_tasks((GRASP,), load(path).tasks, str(path))
 
-    return ClutterDetector(name, checkpoint, make, check, workspace, doubt)
+    return ClutterDetector(name, checkpoint, make, check, workspace)
 
 
 def ranked(X_WGs: Array, scores: Sequence[float] | Array) -> PoseSet:

@@ -36,7 +36,6 @@ from scenarios.viewing.recording import FRAMES_PER_SECOND, Recorder, Viewpoint, 
 from split_drake.experiments.pool import WORKER_DIED
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP
-from split_drake.poses import Array
 from split_drake.scene import EmptySceneError, Scene
 from split_drake.station.config import StationConfig
 from split_drake.station.hand.hand_station import HandStation
@@ -88,7 +87,6 @@ class ClutterRound:
         viewpoint = _VIEWPOINTS[spec.robot]
         self._recorder = None if spec.record == "none" else Recorder(viewpoint, _title(spec))
         self._grasps: list[GraspRecord] = []
-        self._method = clutter_detector(spec.detector, spec.checkpoint)
         self._names: tuple[str, ...] = ()
 
     def run(self) -> RoundRecord:
@@ -146,12 +144,10 @@ class ClutterRound:
     def _empty_table(self, clearing: Clearing) -> tuple[str, str]:
         """Try grasps until the round ends; return why it did, and any details."""
         detector = self._detector(clearing)
-        X_WGfailed: list[Array] = []
+        failures = 0
         while clearing.left:
             scene = self._look(clearing)
             found = NOTHING if scene is None else detector.detect(scene, self._rng)
-            if scene is not None and self._method.doubt is not None:
-                found = self._method.doubt.believed(found, X_WGfailed, scene.p_WPs)
             if scene is not None and self._recorder:
                 found_by_task = {GRASP.name: found}
                 self._recorder.show_perception(scene.p_WPs, found_by_task, clearing.time_s)
@@ -165,14 +161,14 @@ class ClutterRound:
                 number = len(self._grasps) + 1
                 self._recorder.tell(clearing.time_s, number, f"grasp {number}")
             self._grasps.append(clearing.take(found, chosen))
-            failed = [*X_WGfailed, found.X_WPs[chosen]]
-            X_WGfailed = [] if self._grasps[-1].succeeded else failed
-            if len(X_WGfailed) == FAILURES_IN_A_ROW:
+            failures = 0 if self._grasps[-1].succeeded else failures + 1
+            if failures == FAILURES_IN_A_ROW:
                 return TWO_FAILURES, ""
         return EMPTIED, ""
 
     def _detector(self, clearing: Clearing) -> GraspFinder:
-        return self._method.make(self._spec.checkpoint, clearing, self._rng)
+        method = clutter_detector(self._spec.detector, self._spec.checkpoint)
+        return method.make(self._spec.checkpoint, clearing, self._rng)
 
     def _look(self, clearing: Clearing) -> Scene | None:
         """Return what is seen now, or None where the view shows nothing."""

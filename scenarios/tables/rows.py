@@ -71,12 +71,11 @@ _PAPER: Mapping[str, Mapping[SceneKind, PaperFigure]] = {
 }
 
 
-def _trained_here(
-    name: str, title: str, weights: str, of_paper: str = "", detector: str = ""
-) -> TableRow:
-    weights_of = dict.fromkeys(SCENES, _WEIGHTS / weights)
-    paper = _PAPER.get(of_paper or name, {})
-    return TableRow(name, title, detector or name, weights_of, True, paper)
+def _trained_here(name: str, title: str, weights: str, of_paper: str = "") -> TableRow:
+    path = _WEIGHTS / weights
+    return TableRow(
+        name, title, name, dict.fromkeys(SCENES, path), True, _PAPER.get(of_paper or name, {})
+    )
 
 
 def _authors(method: str, title: str, folder: Path) -> TableRow:
@@ -105,7 +104,7 @@ def table_rows(authors: Path | None = None, there: Collection[str] = ()) -> tupl
         _trained_here(
             "se3dif_segments", "SE(3)-Dif, each segment", "se3dif_segments.safetensors", "none"
         ),
-        _trained_here(SPLIT, "SPLIT", "split_clutter.safetensors", detector="split_plain"),
+        _trained_here(SPLIT, "SPLIT", "split_clutter.safetensors"),
         TableRow("oracle", "true grasps", "oracle"),
     )
 

@@ -21,7 +21,6 @@ NOTES = (
     "predicted.",
     "Methods trained here learn from the scenes and labels that SPLIT learns from; the authors' "
     "weights come from other objects, another engine and more scenes.",
-    "No method keeps a memory of its failures within a round: SPLIT is split_plain here.",
     "SE(3)-Dif has no evaluator: its grasps are ranked by their energy.",
 )
 

@@ -4,12 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenarios.clutter.detection import with_parameters
-from scenarios.clutter.doubt import Doubt
 from split_drake.scene import Workspace
-
-# In 120 packed rounds of training shapes, of grasps within 6 cm of one that had just failed 5 of
-# 26 scored less succeeded, and 2 of 3 scored so much.
-DOUBT = Doubt(within_m=0.06, thing_m=0.18, least=0.7)
 
 if TYPE_CHECKING:  # PyTorch is imported by those who need it
     from split_drake.split.detector import SplitDetector
@@ -31,5 +26,5 @@ def workspace(checkpoint: Path | None) -> Workspace:
 
 
 DETECTOR = with_parameters(
-    "split", "weights such as models/weights/split_clutter.safetensors", load, workspace, DOUBT
+    "split", "weights such as models/weights/split_clutter.safetensors", load, workspace
 )

@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scenarios.clutter import rounds
 from scenarios.clutter.detection import ranked
 from scenarios.clutter.detectors import oracle
-from scenarios.clutter.doubt import Doubt
 from scenarios.clutter.records import BROKEN, EMPTIED, ERROR, NO_GRASP, TWO_FAILURES
 from scenarios.clutter.rounds import run_round
 from scenarios.clutter.spec import RoundSpec, drawn_objects, object_source
@@ -57,17 +55,6 @@ def test_two_failures_in_a_row_end_a_round(tmp_path: Path, monkeypatch: pytest.M
     record = run_round(spec_of(tmp_path))
     assert record.ended == TWO_FAILURES
     assert [grasp.reason for grasp in record.grasps] == ["the hand holds nothing"] * 2
-
-
-def test_what_failed_is_not_tried_again_by_a_method_that_doubts_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    in_the_air = make_pose(DOWN, (0.5, 0.0, 0.3))[None]
-    detecting(monkeypatch, lambda scene: ranked(in_the_air, [0.5]))
-    doubting = replace(oracle.DETECTOR, doubt=Doubt(within_m=0.06, thing_m=0.18, least=0.7))
-    monkeypatch.setattr(rounds, "clutter_detector", lambda name, checkpoint: doubting)
-    record = run_round(spec_of(tmp_path))
-    assert (record.ended, len(record.grasps)) == (NO_GRASP, 1)
 
 
 def test_a_simulation_that_fails_is_recorded(

@@ -240,8 +240,8 @@ def test_missing_rounds_are_run_and_the_table_written(
     paper_tables.main(asked)
     clutter, mugs = ran[:4], ran[4:]
     assert [(each.detector, each.scene) for each in clutter] == [  # type: ignore[attr-defined]
-        ("split_plain", "packed"),
-        ("split_plain", "pile"),
+        ("split", "packed"),
+        ("split", "pile"),
         ("oracle", "packed"),
         ("oracle", "pile"),
     ]
