@@ -6,6 +6,7 @@ writes it, and three for mugs; table.md, table.json, index.html and table.png.  
 on where an interrupted run stopped.
 """
 
+import itertools
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +17,14 @@ from rich.console import Console
 from scenarios import clutter_removal, mug_hang
 from scenarios.clutter.observation import Noise
 from scenarios.clutter.spec import SceneKind
-from scenarios.tables.cells import Cell, cell_folder, keep_cells, read_cell, require_comparable
+from scenarios.tables.cells import (
+    SAME,
+    Cell,
+    cell_folder,
+    keep_cells,
+    read_cell,
+    require_comparable,
+)
 from scenarios.tables.markdown import clutter_table, comparison_table, mug_table, to_markdown
 from scenarios.tables.mugs import MUG_FIGURES
 from scenarios.tables.page import PICTURE, to_page
@@ -49,7 +57,8 @@ class TableOptions:
         noise, fit_table: as of `scenarios.clutter_removal`.
         authors: folder with weights that GIGA's authors published, of GIGA and of VGN: adds a row
             for each.  Its files are vgn_packed.pt, vgn_pile.pt, giga_packed.pt and giga_pile.pt.
-        kept: folder with cells that `keep` wrote, which are read where `out` has none.
+        kept: folder with cells that `keep` wrote, which are read where `out` has none; those that
+            are whole are not run again.
         keep: folder to write the table's cells to, so that others can make the table anew.
         mug_trials: of each of the mug experiment's figures; 0 to leave them out.
         mug_seed: of the first of these.
@@ -88,6 +97,11 @@ class TableOptions:
         if self.quick:
             return QUICK_ROUNDS, QUICK_SEEDS, min(QUICK_TRIALS, self.mug_trials)
         return self.rounds, self.seeds, self.mug_trials
+
+    @property
+    def seed_range(self) -> range:
+        """Seeds of the rounds."""
+        return range(self.first_seed, self.first_seed + self.size[1])
 
     def clutter(self, row: TableRow, scene: SceneKind) -> clutter_removal.ClutterOptions:
         """Return the options of a cell's run."""
@@ -130,9 +144,11 @@ def names_there(options: TableOptions) -> set[str]:
 def run_missing(options: TableOptions, rows: Sequence[TableRow], console: Console) -> None:
     """Run what is missing of all cells and of the mugs' figures."""
     _, _, trials = options.size
-    for row in rows:
-        for scene in SCENES:
-            console.rule(f"{row.title}, {scene}")
+    for row, scene in itertools.product(rows, SCENES):
+        console.rule(f"{row.title}, {scene}")
+        if _is_kept(options, row, scene):
+            console.print(f"kept in {options.kept}", markup=False)
+        else:
             clutter_removal.main(options.clutter(row, scene))
     for figure in MUG_FIGURES if trials else ():
         console.rule(figure.title)
@@ -149,18 +165,30 @@ def run_missing(options: TableOptions, rows: Sequence[TableRow], console: Consol
         )
 
 
+def _is_kept(options: TableOptions, row: TableRow, scene: SceneKind) -> bool:
+    """Return whether all rounds of a cell were kept, and none was begun in `out`."""
+    asked = options.clutter(row, scene)
+    if options.kept is None or cell_folder(options.out, row, scene).is_dir():
+        return False
+    cell = read_cell(options.kept, row, scene, asked.rounds, options.seed_range)
+    return (
+        cell is not None
+        and len(cell.records) == asked.rounds * asked.seeds
+        and all(cell.config.get(key) == getattr(asked, key) for key in SAME)
+    )
+
+
 def made_table(options: TableOptions, rows: Sequence[TableRow]) -> PaperTable:
     """Return the table of what was run.
 
     Raises BadInputError where nothing was, or where cells were run in other conditions.
     """
     rounds, seeds, trials = options.size
-    seed_range = range(options.first_seed, options.first_seed + seeds)
     found = [
         cell
         for row in rows
         for scene in SCENES
-        if (cell := _found_cell(options, row, scene, rounds, seed_range))
+        if (cell := _found_cell(options, row, scene, rounds, options.seed_range))
     ]
     mug_seeds = range(options.mug_seed, options.mug_seed + trials)
     mugs = mugs_of({figure: figure.read(options.out, mug_seeds) for figure in MUG_FIGURES})

@@ -254,3 +254,31 @@ def test_missing_rounds_are_run_and_the_table_written(
     assert (tmp_path / "table.md").is_file()
     with pytest.raises(BadInputError, match="--whole and --quick are both given"):
         TableOptions(tmp_path, quick=True, whole=True)
+
+
+def test_cells_that_were_kept_whole_are_not_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran: list[tuple[str, str]] = []
+    monkeypatch.setattr(
+        paper_tables.clutter_removal,
+        "main",
+        lambda asked: ran.append((asked.detector, asked.scene)),
+    )
+    run, kept = tmp_path / "run", tmp_path / "kept"
+    keep(run, "split", 0.8)
+    rows = chosen_rows(("split",), None)
+    table = made_table(options(run), rows)
+    keep_cells(list(table.cells.values()), kept)
+    fewer = replace(table.cells["split", "pile"], records=table.cells["split", "pile"].records[1:])
+    keep_cells([fewer], kept)
+    asked = options(tmp_path / "new", kept=kept, rows=("split",), whole=True, mug_trials=0)
+    paper_tables.main(asked)
+    assert ran == [("split", "pile")], "it lacks a round"
+    keep_cells(list(table.cells.values()), kept)
+    ran.clear()
+    paper_tables.main(asked)
+    assert ran == []
+    with pytest.raises(BadInputError, match="holds no runs"):
+        paper_tables.main(replace(asked, first_seed=77))
+    assert len(ran) == 2, "other seeds were asked for"
