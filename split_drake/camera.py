@@ -64,6 +64,31 @@ class Intrinsics:
         (fx, _, cx), (_, fy, cy) = matrix[:2].tolist()
         return cls(*size, fx, fy, cx, cy)
 
+    def window(self, p_CPs: Array) -> tuple[slice, slice]:
+        """Return the rows and columns of the image that points (N, 3) in C cover.
+
+        Raises ValueError where one lies behind the camera.
+        """
+        x, y, z = p_CPs.T
+        if z.min() <= 0.0:
+            raise ValueError(f"what is to be seen reaches {-z.min():.3f} m behind the camera")
+        u = x / z * self.fx + self.cx
+        v = y / z * self.fy + self.cy
+        rows = np.clip([np.floor(v.min()), np.ceil(v.max()) + 1], 0, self.height)
+        columns = np.clip([np.floor(u.min()), np.ceil(u.max()) + 1], 0, self.width)
+        return slice(*rows.astype(int).tolist()), slice(*columns.astype(int).tolist())
+
+    def cropped(self, window: tuple[slice, slice]) -> "Intrinsics":
+        """Return the intrinsics of a rectangle, rows and columns, of the image."""
+        rows, columns = window
+        return replace(
+            self,
+            width=columns.stop - columns.start,
+            height=rows.stop - rows.start,
+            cx=self.cx - columns.start,
+            cy=self.cy - rows.start,
+        )
+
 
 @lru_cache(maxsize=8)
 def pixel_rays(intrinsics: Intrinsics) -> NDArray[np.float32]:

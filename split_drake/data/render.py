@@ -1,6 +1,6 @@
 """Depth images of one mesh on the table, by ray casting: what the training scenes are made of."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import trimesh
@@ -68,11 +68,11 @@ class DepthRenderer:
         """
         X_CW = invert_pose(camera.X_WC)
         p_CCorners = transform_points(X_CW @ X_WO, self._p_OCorners)
-        window = _window(p_CCorners, camera.intrinsics)
+        window = camera.intrinsics.window(p_CCorners)
         shown = (slice(0, camera.intrinsics.height), slice(0, camera.intrinsics.width))
         if p_WShowns is not None:
             p_CShowns = transform_points(X_CW, p_WShowns)
-            shown = _window(np.vstack([p_CCorners, p_CShowns]), camera.intrinsics)
+            shown = camera.intrinsics.window(np.vstack([p_CCorners, p_CShowns]))
         rays = pixel_rays(camera.intrinsics)
         depth = table_depth(rays[shown], camera.X_WC, table_z_m)
         cosines = np.ones_like(depth)
@@ -84,7 +84,7 @@ class DepthRenderer:
         nearer = distances < depth[inner]
         depth[inner][nearer] = distances[nearer]
         cosines[inner][nearer] = angles[nearer]
-        return RayImage(depth, cosines, _cropped(camera.intrinsics, shown))
+        return RayImage(depth, cosines, camera.intrinsics.cropped(shown))
 
     def _meet(
         self, X_CO: Array, d_Cs: NDArray[np.float32]
@@ -95,30 +95,3 @@ class DepthRenderer:
         cosines = np.abs(np.einsum("ni,ni->n", self._normals_O[faces], d_Os))
         cosines /= np.linalg.norm(d_Os, axis=1)
         return distances.reshape(d_Cs.shape[:2]), cosines.reshape(d_Cs.shape[:2])
-
-
-def _window(p_CPs: Array, intrinsics: Intrinsics) -> tuple[slice, slice]:
-    """Return the rows and columns of the image that points (N, 3) cover.
-
-    Raises ValueError where one lies behind the camera.
-    """
-    x, y, z = p_CPs.T
-    if z.min() <= 0.0:
-        raise ValueError(f"what is to be seen reaches {-z.min():.3f} m behind the camera")
-    u = x / z * intrinsics.fx + intrinsics.cx
-    v = y / z * intrinsics.fy + intrinsics.cy
-    rows = np.clip([np.floor(v.min()), np.ceil(v.max()) + 1], 0, intrinsics.height)
-    columns = np.clip([np.floor(u.min()), np.ceil(u.max()) + 1], 0, intrinsics.width)
-    return slice(*rows.astype(int).tolist()), slice(*columns.astype(int).tolist())
-
-
-def _cropped(intrinsics: Intrinsics, window: tuple[slice, slice]) -> Intrinsics:
-    """Return the intrinsics of a rectangle of an image."""
-    rows, columns = window
-    return replace(
-        intrinsics,
-        width=columns.stop - columns.start,
-        height=rows.stop - rows.start,
-        cx=intrinsics.cx - columns.start,
-        cy=intrinsics.cy - rows.start,
-    )

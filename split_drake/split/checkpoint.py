@@ -21,6 +21,7 @@ from split_drake.files import replacing
 from split_drake.models_folder import MODELS_FOLDER
 from split_drake.pose_task import MUG_TASKS, PoseTask
 from split_drake.scene import Workspace
+from split_drake.split.close_up.config import CloseUpConfig
 from split_drake.split.diffusion import NoiseSchedule
 from split_drake.split.network import SplitNetwork
 from split_drake.split.network_config import SplitConfig
@@ -132,6 +133,11 @@ def _require_finite(tensors: dict[str, Tensor], path: Path) -> None:
         )
 
 
+def _with_tuples(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return fields that JSON has made lists of as tuples again."""
+    return {k: tuple(value) if isinstance(value, list) else value for k, value in fields.items()}
+
+
 def _parse_info(text: str) -> CheckpointInfo:
     """Return the info written by `save_checkpoint`; anything else raises TypeError or KeyError."""
     values = json.loads(text)
@@ -139,10 +145,11 @@ def _parse_info(text: str) -> CheckpointInfo:
         raise TypeError(f"info is {text[:40]}; expected an object with an object 'config'")
     config = values.pop("config")
     noise = NoiseSchedule(**config.pop("noise"))
-    lists = {key: tuple(value) for key, value in config.items() if isinstance(value, list)}
+    if (shown := config.pop("close_up", None)) is not None:
+        config["close_up"] = CloseUpConfig(**_with_tuples(shown))
     values["earlier_commits"] = tuple(values.get("earlier_commits", ()))
     tasks = [PoseTask.from_fields(fields) for fields in values.pop("tasks", ())]
-    split_config = SplitConfig(**(config | lists), noise=noise)
+    split_config = SplitConfig(**_with_tuples(config), noise=noise)
     workspace = replace(
         FIRST_WORKSPACE, edge_m=split_config.edge_m, depth_below_m=split_config.table_m
     )

@@ -10,11 +10,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from split_drake.bad_input import BadInputError, require_number, require_numbers
+from split_drake.bad_input import (
+    BadInputError,
+    require_count,
+    require_number,
+    require_numbers,
+)
 from split_drake.pose_set import Acceptance, PoseSet, ScoredPoses, accepted_poses
-from split_drake.pose_task import PoseTask, find_tasks
+from split_drake.pose_task import GRASP, PoseTask, find_tasks
+from split_drake.poses import Array
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
+from split_drake.split.close_up.images import shown_by
 from split_drake.split.inference import ScenePredictor
 from split_drake.split.network import SplitNetwork
 from split_drake.split.sampling import (
@@ -42,6 +49,8 @@ class SamplerConfig:
         langevin: the dynamics.
         start_margin_m: the samples start uniformly in the box around the scene's points, widened by
             this much.
+        close_ups: so many of the best grasps get a second look, where the network can take one and
+            the scene has depth images; the others are rejected then.  0 for none.
         acceptance: which poses are kept, by the evaluator's scores.  It was trained to accept poses
             perturbed by less than `BatchConfig.evaluator_limit`; scores rank poses but are no
             probabilities.
@@ -54,6 +63,7 @@ class SamplerConfig:
     samples: int = 256
     langevin: LangevinConfig = field(default_factory=LangevinConfig)
     start_margin_m: float = 0.03
+    close_ups: int = 48
     acceptance: Acceptance = ACCEPTANCE
 
     def __post_init__(self) -> None:
@@ -61,6 +71,7 @@ class SamplerConfig:
         if self.samples < 1:
             raise BadInputError(f"samples is {self.samples}; expected at least 1")
         require_number("start_margin_m", self.start_margin_m, 0.0, 1.0)
+        require_count("close_ups", self.close_ups)
 
 
 # What figures of earlier commits were measured with; few of its samples are rejected.
@@ -151,6 +162,7 @@ class SplitDetector:
             SIXTEEN_EVALUATIONS,
             samples=self.config.samples,
             start_margin_m=self.config.start_margin_m,
+            close_ups=self.config.close_ups,
             langevin=langevin,
         )
         return SplitDetector(self._network, self.workspace, config)
@@ -197,10 +209,28 @@ class SplitDetector:
             callback=callback or ignore,
         )
         X_VPs = self._integrate(process, self._start(scene, len(known), generator))
-        scores = torch.sigmoid(predictor.evaluate(X_VPs).double()).cpu().numpy()
+        logits = predictor.evaluate(X_VPs).double().cpu()
         X_WPs = X_VPs.double().cpu().numpy()
         X_WPs[..., :3, 3] += scene.workspace.p_WV
+        if GRASP in known:
+            number = known.index(GRASP)
+            logits[number] = self._looked_at_again(scene, X_WPs[number], logits[number])
+        scores = torch.sigmoid(logits).numpy()
         return {task.name: ScoredPoses(X_WPs[i], scores[i]) for i, task in enumerate(known)}
+
+    def _looked_at_again(self, scene: Scene, X_WGs: Array, logits: Tensor) -> Tensor:
+        """Return the logits (N,) of grasps (N, 4, 4) after a second look at the best of them.
+
+        It is told from other things than the first, so that their logits are added.
+        """
+        network = self._network.close_up
+        if network is None or not scene.views or not self.config.close_ups:
+            return logits
+        best = logits.topk(min(self.config.close_ups, len(logits))).indices
+        seen = shown_by(scene.views, scene.workspace, X_WGs[best.numpy()], network.config)
+        again = torch.full_like(logits, -torch.inf)
+        again[best] = logits[best] + network(seen.to(self._network.device)).double().cpu()
+        return again
 
     def _start(self, scene: Scene, tasks: int, generator: torch.Generator) -> Tensor:
         """Return uniformly random poses (tasks, samples, 4, 4) in V around the scene's points."""

@@ -1,5 +1,7 @@
 """SPLIT's network: scene encoder, local context, score and evaluator heads (paper IV-C).
 
+What looks at grasps closely (`close_up`) is not in the paper.
+
 Everything here is relative to the corner V of the workspace, so that the workspace may stand
 anywhere: poses are X_VP, the table is at `SplitConfig.table_m` along z.
 """
@@ -12,8 +14,11 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from split_drake.pose_task import PoseTask
+from split_drake.split.close_up.network import CloseUpNetwork
 from split_drake.split.context import FeatureTables, in_pose_axes, point_kernel, pose_numbers
 from split_drake.split.network_config import INPUT_CHANNELS, SplitConfig
+
+_CLOSE_UP = "close_up."
 
 
 class ConvLayer(nn.Sequential):
@@ -172,26 +177,30 @@ class SplitNetwork(nn.Module):
         points = torch.cat([torch.zeros(0, 3), *inner])
         self.register_buffer("inner_kernel", points, persistent=False)
         self.register_buffer("frequencies", torch.randn(config.frequencies))
+        self.close_up = CloseUpNetwork(config.close_up) if config.close_up is not None else None
 
     def take_over(self, other: "SplitNetwork") -> None:
         """Take over the weights of a network of the same architecture that knows all these tasks.
 
         The heads see tasks one-hot: of their first layers the columns of these tasks are taken.
-        The other network may do without inner points: these start without a say.
+        The other network may do without inner points: these start without a say.  Its close-ups
+        are taken over where they are of the same kind; otherwise this network's stay as they are.
 
         Raises ValueError where the architecture is another, or a task is missing.
         """
-        without = replace(self.config, inner_offsets_m=(), inner_grids=other.config.inner_grids)
-        widened = other.config == without != self.config
-        if not widened and other.config != self.config:
-            raise ValueError(
-                f"the other network is of another architecture, {other.config}, not {self.config}"
-            )
+        own, given = (replace(each.config, close_up=None) for each in (self, other))
+        without = replace(own, inner_offsets_m=(), inner_grids=given.inner_grids)
+        widened = given == without != own
+        if not widened and given != own:
+            raise ValueError(f"the other network is of another architecture, {given}, not {own}")
         unknown = [task.name for task in self.tasks if task not in other.tasks]
         if unknown:
             raise ValueError(f"the other network does not know {', '.join(unknown)}")
         columns = torch.tensor([other.tasks.index(task) for task in self.tasks])
         weights = dict(other.state_dict())
+        if self.config.close_up != other.config.close_up:
+            weights = {n: value for n, value in weights.items() if not n.startswith(_CLOSE_UP)}
+            weights |= {n: v for n, v in self.state_dict().items() if n.startswith(_CLOSE_UP)}
         for name in ("score_condition.0.weight", "evaluator_condition.0.weight"):
             of_tasks, rest = weights[name].tensor_split([len(other.tasks)], 1)
             weights[name] = torch.cat([of_tasks[:, columns.to(of_tasks.device)], rest], 1)

@@ -1,10 +1,13 @@
 """What it takes to rebuild a network."""
 
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
+
+import tyro
 
 from split_drake.bad_input import require_numbers
 from split_drake.scene import Workspace
+from split_drake.split.close_up.config import CloseUpConfig
 from split_drake.split.diffusion import NoiseSchedule
 
 INPUT_CHANNELS = 2  # occupied; below the table
@@ -38,6 +41,8 @@ class SplitConfig:
             SE(3)-DiffusionFields; `context_grids` and `kernel_offset_m` have no part in it.
         score_frame: the axes that the score head answers in: "sample", the pose's own, or "global",
             those of V, for which it is told the pose's rotation.
+        close_up: of the network that takes a second look at the best grasps; None for none.  It is
+            trained by itself, by `split_drake.tuning.train_close_up`.
     """
 
     channels: tuple[int, ...] = (16, 32, 64, 96, 128)
@@ -55,6 +60,7 @@ class SplitConfig:
     noise: NoiseSchedule = field(default_factory=NoiseSchedule)
     context: ContextKind = "local"
     score_frame: ScoreFrame = "sample"
+    close_up: Annotated[CloseUpConfig | None, tyro.conf.Suppress] = None
 
     def __post_init__(self) -> None:
         require_numbers(self)

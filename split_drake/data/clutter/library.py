@@ -71,6 +71,9 @@ class ObjectGrasps:
     X_OFs: Array
 
 
+NO_GRASPS = ObjectGrasps(np.empty((0, 4, 4)), np.empty(0), np.empty((0, 4, 4)))
+
+
 def object_grasps(body: RigidObject, rng: np.random.Generator) -> ObjectGrasps:
     """Return grasps of an object for a hand that comes in wide open; none where none is good.
 

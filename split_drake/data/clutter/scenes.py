@@ -9,10 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from split_drake.bad_input import require_numbers
-from split_drake.data.clutter.arrangements import Arrangement, packed, subsets
+from split_drake.data.clutter.arrangements import Arrangement
+from split_drake.data.clutter.drawing import Objects, arrangements
 from split_drake.data.clutter.labels import SceneGrasps, label_scene
 from split_drake.data.clutter.library import ClutterObject, GraspLibrary
-from split_drake.data.clutter.piles import PileSimulator
 from split_drake.data.clutter.views import ViewRandomization, see
 from split_drake.data.dataset import DatasetError
 from split_drake.experiments.provenance import file_sha256
@@ -20,18 +20,12 @@ from split_drake.objects.task_object import ObjectSource
 from split_drake.pose_task import GRASP
 from split_drake.poses import Array
 from split_drake.scene import EmptySceneError, Scene
-from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
 from split_drake.station.layout_file import layout_to_fields
 
 LABEL_VERSION = 4
-PILE_SHARE = 0.5
-# Objects in a scene at most.
-MOST_OBJECTS = 6
 # A scene that shows less, or holds fewer true grasps, teaches little.
 LEAST_POINTS, LEAST_TRUE, LEAST_FALSE = 150, 3, 1
-# Piles are simulated with a longer step than trials: nothing is held.
-PILE_STEP_S = 0.004
 MAX_EMPTY = 2000
 
 
@@ -77,31 +71,9 @@ class ClutterRecipe:
         return _objects(self.source, self.library)
 
 
-class Objects:
-    """Objects of a source, made when they are first wanted.
-
-    Those without a grasp lie there as well: they have to be told from others.
-    """
-
-    def __init__(self, source: ObjectSource, library: GraspLibrary) -> None:
-        self._source = source
-        self._grasps = library.grasps
-        self._names = list(library.grasps)
-        self._made: dict[str, ClutterObject] = {}
-
-    def draw(self, count: int, rng: np.random.Generator) -> list[ClutterObject]:
-        """Return objects drawn with replacement."""
-        return [self._get(self._names[n]) for n in rng.integers(len(self._names), size=count)]
-
-    def _get(self, name: str) -> ClutterObject:
-        if name not in self._made:
-            self._made[name] = ClutterObject(self._source.load(name), self._grasps[name])
-        return self._made[name]
-
-
 @lru_cache(maxsize=1)
 def _objects(source: KeptSource, library: Path) -> Objects:
-    return Objects(source, GraspLibrary.load(library, source))
+    return Objects(source, GraspLibrary.load(library, source).grasps)
 
 
 @dataclass(frozen=True)
@@ -135,8 +107,6 @@ class ClutterScenes:
         self._recipe = recipe
         self._rng = rng
         self._objects = recipe.objects()
-        layout = recipe.layout
-        self._pile_config = StationConfig(layout, time_step_s=PILE_STEP_S)
 
     def draw_all(self) -> Iterator[ClutterScene]:
         """Yield scenes without end: of packed objects, and of piles as they grow.
@@ -144,7 +114,7 @@ class ClutterScenes:
         Raises DatasetError where nothing useful comes of many arrangements.
         """
         empty = 0
-        for objects, arrangement in self._arrangements():
+        for objects, arrangement in arrangements(self._objects, self._recipe.layout, self._rng):
             scene = self._labelled(objects, arrangement)
             if scene is not None:
                 empty = 0
@@ -153,29 +123,6 @@ class ClutterScenes:
             empty += 1
             if empty == MAX_EMPTY:
                 raise DatasetError(f"{MAX_EMPTY} arrangements in a row show no grasp")
-
-    def _arrangements(self) -> Iterator[tuple[list[ClutterObject], Arrangement]]:
-        rng, workspace = self._rng, self._recipe.layout.workspace
-        piled = standing = 0
-        while True:
-            objects = self._objects.draw(int(rng.integers(1, MOST_OBJECTS + 1)), rng)
-            if piled < PILE_SHARE * (piled + standing + 1):
-                for arrangement in self._pile(objects):
-                    piled += 1
-                    yield objects, arrangement
-            else:
-                whole = packed(objects, workspace, rng)
-                # With fewer objects, too: rounds end with one.
-                every = list(subsets(whole))
-                for number in dict.fromkeys((len(every) - 1, int(rng.integers(len(every))))):
-                    standing += 1
-                    yield objects, every[number]
-
-    def _pile(self, objects: Sequence[ClutterObject]) -> Iterator[Arrangement]:
-        try:
-            yield from PileSimulator(objects, self._pile_config).drop_all(self._rng)
-        except RuntimeError:  # Drake's contact solver: what fell before is seen already
-            return
 
     def _labelled(
         self, objects: Sequence[ClutterObject], arrangement: Arrangement

@@ -15,8 +15,10 @@ from split_drake.poses import Array
 from split_drake.scene import Scene, Workspace
 from split_drake.station.layout import CameraPlacement
 
-# Half of the station's resolution: 2000 of a view's points are used.
-INTRINSICS = Intrinsics.centered(320, 240, focal_px=270.0)
+# Half of the resolution of rounds: 2000 of a view's points are used.
+COARSE = Intrinsics.centered(320, 240, focal_px=270.0)
+# That of GIGA's side view.
+FINE = Intrinsics.centered(640, 480, focal_px=540.0)
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,7 @@ class ViewRandomization:
         target_height_m: of what the camera looks at, above the middle of the table.
         target_shift_m: standard deviation of that point.
         missing: which pixels have no depth, and how well the camera's pose is known.
+        intrinsics: of the camera.
     """
 
     distance_m: tuple[float, float] = (0.48, 0.72)
@@ -36,6 +39,7 @@ class ViewRandomization:
     target_height_m: float = 0.05
     target_shift_m: float = 0.005
     missing: DomainRandomization = field(default_factory=DomainRandomization)
+    intrinsics: Intrinsics = COARSE
 
     def __post_init__(self) -> None:
         require_numbers(self)
@@ -49,7 +53,8 @@ class ViewRandomization:
         )
         target = np.array(workspace.p_WCenter) + rng.normal(0.0, self.target_shift_m, 3)
         target[2] += self.target_height_m
-        return CameraPlacement("side", INTRINSICS, look_at(target + distance_m * direction, target))
+        X_WC = look_at(target + distance_m * direction, target)
+        return CameraPlacement("side", self.intrinsics, X_WC)
 
 
 def merged_mesh(objects: Sequence[ClutterObject], X_WOs: Array) -> trimesh.Trimesh:
