@@ -12,6 +12,7 @@ import math
 import os
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,7 @@ class TrainCloseUpConfig:
     judged: Path
     init: Path
     out: Path
-    steps: int = 12_000
+    steps: int = 10_000
     learning_rate: float = 1.5e-3
     weight_decay: float = 1e-3
     scenes: int = 6
@@ -128,8 +129,8 @@ class CloseUpRun:
                 self.adam.load_state_dict(state["adam"])
                 self.step = step
                 return
-        except (OSError, RuntimeError, KeyError, ValueError, EOFError) as error:
-            raise BadInputError(f"{self._path} is damaged: {error}; remove it") from error
+        except (OSError, RuntimeError, KeyError, ValueError, EOFError, UnpicklingError) as error:
+            raise BadInputError(f"{self._path} is damaged; remove it to start anew") from error
         raise BadInputError(
             f"{self._path} is of a run with other options; remove it, or give another --out"
         )
