@@ -204,7 +204,10 @@ class Scene:
         return cls(p_WPs, p_WSs, workspace, tuple(views))
 
     def with_noise(self, noise_m: float, rng: np.random.Generator) -> "Scene":
-        """Return the scene with N(0, noise_m^2) added to the sampled points (paper section V)."""
+        """Return the scene with N(0, noise_m^2) added to the sampled points (paper section V).
+
+        The views stay as they are; see `depth_noise.with_normal_noise` for these.
+        """
         require_number("noise_m", noise_m, 0.0, MAX_NOISE_M, "a standard deviation in metres")
         return replace(self, p_WSs=self.p_WSs + rng.normal(0.0, noise_m, self.p_WSs.shape))
 

@@ -6,7 +6,7 @@ geometry, as `ClutterJudge` does.  DIR gets study.json; a study that was stopped
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from statistics import median
@@ -221,7 +221,9 @@ def main(config: ClutterStudyConfig) -> None:
         scenes = drawn_scenes(config, Layout(workspace=info.workspace))
         for sampler in missing(rows):
             shipped = CLUTTER_SAMPLER if sampler.integrator == SHORT else EIGHT_EVALUATIONS
-            detector = SplitDetector(network, info.workspace, shipped, integrator=sampler.build())
+            # Samplers are compared, not second looks; images are without noise here.
+            first = replace(shipped, close_ups=0)
+            detector = SplitDetector(network, info.workspace, first, integrator=sampler.build())
             rows.append({**asdict(sampler), **measured(detector, scenes)})
             write_json(path, rows)
             console.print(table_of(rows[-1:]))

@@ -4,10 +4,10 @@ A step's batch depends on the seed and the step's number alone, so that any numb
 draw batches.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Self, cast
 
 import numpy as np
 import torch
@@ -22,7 +22,7 @@ from split_drake.experiments.run import CONFIG
 from split_drake.files import interpreting, read_json_object, read_npz
 from split_drake.scene import Workspace
 from split_drake.split.close_up.config import CloseUpConfig
-from split_drake.split.close_up.images import DepthTensor, close_ups, smoothed
+from split_drake.split.close_up.images import DepthTensor, close_ups
 from split_drake.split.close_up.network import CloseUpNetwork
 from split_drake.tuning.judged_views import BEST, DEPTH_UNIT_M
 
@@ -95,13 +95,13 @@ class JudgedViews:
     ) -> Tensor:
         """Return close-ups (N, 4, nx, ny, nz) of some grasps (N,) of a scene in a noisy image."""
         image = DepthTensor(
-            smoothed(depth_m),
+            depth_m,
             torch.tensor(self.arrays["focal_px"][scene]),
             torch.tensor(self.arrays["center_px"][scene]),
             torch.tensor(self.arrays["X_WCs"][scene]),
         )
         X_WGs = torch.tensor(self.arrays["sampled"][scene, grasps])
-        return close_ups([image], X_WGs, self.workspace.p_WCenter[2], config)
+        return close_ups([image.smoothed()], X_WGs, self.workspace.p_WCenter[2], config)
 
     def depth_m(self, scene: int) -> Tensor:
         """Return a scene's image (H, W), without noise."""
@@ -177,7 +177,7 @@ class CloseUpBatches(Dataset[tuple[Tensor, Tensor]]):
 def train_steps(
     network: CloseUpNetwork,
     adam: torch.optim.Optimizer,
-    batches: CloseUpBatches,
+    batches: CloseUpBatches | Sequence[tuple[Tensor, Tensor]],
     workers: int,
     bfloat16: bool,
 ) -> Iterator[float]:
@@ -185,7 +185,9 @@ def train_steps(
 
     Large enough convolutions are computed in bfloat16 where that is asked for.
     """
-    loader = DataLoader(batches, batch_size=None, num_workers=workers)
+    loader: DataLoader[tuple[Tensor, Tensor]] = DataLoader(
+        cast("Dataset[tuple[Tensor, Tensor]]", batches), batch_size=None, num_workers=workers
+    )
     network.train()
     halved = min(-(-count // 2) for count in network.config.cells)
     bfloat16 = bfloat16 and halved >= SMALLEST_AUTOCAST

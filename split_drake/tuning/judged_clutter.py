@@ -98,7 +98,7 @@ def judge_clutter_scene(
 
 def write_judged_clutter(config: JudgeClutterConfig, recipe: ClutterRecipe, name: str) -> None:
     """Draw and judge the grasps of a shard, and write them at once or not at all."""
-    sampler = replace(CLUTTER_SAMPLER, samples=config.samples)
+    sampler = replace(CLUTTER_SAMPLER, samples=config.samples, close_ups=0)
     detector = SplitDetector.from_checkpoint(config.checkpoint, sampler)
     rng = np.random.default_rng([config.seed, config.names().index(name), _STREAM])
     drawn = ClutterScenes(recipe, rng).draw_all()

@@ -7,7 +7,7 @@ building complex models from range images", 1996).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -30,7 +30,7 @@ HEIGHT_M = 0.02
 
 @dataclass(frozen=True)
 class DepthTensor:
-    """A depth image of a workspace, ready to be looked up.
+    """A depth image, or a part of one, ready to be looked up.
 
     Attributes:
         depth_m: (H, W) along z of C; 0 where nothing was seen.
@@ -44,15 +44,14 @@ class DepthTensor:
     X_WC: Tensor
 
     @classmethod
-    def of(cls, view: DepthView, workspace: Workspace) -> Self:
-        """Return the part of a view that shows a workspace, with its noise as it is.
-
-        Raises ValueError where a corner of the workspace lies behind the camera.
-        """
-        low = workspace.p_WV
-        corners = trimesh.bounds.corners([low, low + workspace.edge_m])
-        window = view.intrinsics.window(transform_points(invert_pose(view.X_WC), corners))
-        shown = view.intrinsics.cropped(window)
+    def of(cls, view: DepthView, p_WShowns: Array) -> Self:
+        """Return the part of a view that shows points (N, 3), with its noise as it is."""
+        whole = view.intrinsics
+        p_CShowns = transform_points(invert_pose(view.X_WC), p_WShowns)
+        window = (slice(0, whole.height), slice(0, whole.width))
+        if p_CShowns[:, 2].min() > 0.0:  # or else the camera is among them
+            window = whole.window(p_CShowns)
+        shown = whole.cropped(window)
         return cls(
             torch.tensor(np.ascontiguousarray(view.depth_m[window])),
             torch.tensor([shown.fx, shown.fy], dtype=torch.float32),
@@ -60,19 +59,32 @@ class DepthTensor:
             torch.tensor(view.X_WC, dtype=torch.float32),
         )
 
-    def distances(self, p_WQs: Tensor) -> tuple[Tensor, Tensor]:
-        """Return how far before the surface that is seen points (..., 3) in W lie, along z of C.
+    def smoothed(self) -> Self:
+        """Return the image with less noise."""
+        return replace(self, depth_m=smoothed(self.depth_m))
+
+    def distances(self, X_WGs: Tensor, p_GQs: Tensor) -> tuple[Tensor, Tensor]:
+        """Return how far before the surface that is seen points lie, along z of C, (N, P).
 
         Negative for what lies behind it.  Then whether that is known: 0 is given where it is not.
+
+        Args:
+            X_WGs: (N, 4, 4).
+            p_GQs: (P, 3) points in each of these frames.
         """
         height, width = self.depth_m.shape
-        p_CQs = (p_WQs - self.X_WC[:3, 3]) @ self.X_WC[:3, :3]
-        z = p_CQs[..., 2]
-        pixels = (p_CQs[..., :2] / z[..., None] * self.focal_px + self.center_px).round().long()
-        u, v = pixels.unbind(-1)
-        inside = (z > 0.0) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
-        depth_m = self.depth_m.flatten()[torch.where(inside, v * width + u, 0)]
-        known = inside & (depth_m > 0.0)
+        R_CW = self.X_WC[:3, :3].T
+        p_CGs = R_CW @ (X_WGs[:, :3, 3:] - self.X_WC[:3, 3:])
+        x, y, z = (R_CW @ X_WGs[:, :3, :3] @ p_GQs.T + p_CGs).unbind(1)
+        before = z > 0.0
+        near = z.clamp_min(1e-6)
+        # A frame of pixels that saw nothing stands for all that is outside of the image.
+        framed = functional.pad(self.depth_m, [1] * 4).flatten()
+        u = (x / near).mul_(self.focal_px[0]).add_(self.center_px[0] + 1.0).round_()
+        v = (y / near).mul_(self.focal_px[1]).add_(self.center_px[1] + 1.0).round_()
+        pixels = v.clamp_(0, height + 1).mul_(width + 2).add_(u.clamp_(0, width + 1)).int()
+        depth_m = framed[pixels]
+        known = before & (depth_m > 0.0)
         return torch.where(known, depth_m - z, 0.0), known
 
 
@@ -116,18 +128,19 @@ def close_ups(
     no image shows the cell; and its height above the table.  Where several images show a cell, that
     counts in which it lies furthest before the surface: what one of them sees through is free.
     """
-    p_WQs = X_WGs[:, None, :3, 3] + cell_middles(config) @ X_WGs[:, :3, :3].mT
-    before_m = torch.full(p_WQs.shape[:2], -torch.inf)
+    p_GQs = cell_middles(config)
+    before_m = torch.full((len(X_WGs), len(p_GQs)), -torch.inf)
     for image in images:
-        distances_m, known = image.distances(p_WQs)
+        distances_m, known = image.distances(X_WGs, p_GQs)
         before_m = torch.where(known, before_m.maximum(distances_m), before_m)
     shown = before_m.isfinite()
     before_m = torch.where(shown, before_m, 0.0)
+    heights_m = X_WGs[:, 2, :3] @ p_GQs.T + (X_WGs[:, 2, 3:] - table_z_m)
     channels = (
         before_m / config.fine_m,
         before_m / config.coarse_m,
         (~shown).float(),
-        (p_WQs[..., 2] - table_z_m) / HEIGHT_M,
+        heights_m / HEIGHT_M,
     )
     return torch.stack(channels, 1).clamp_(-1.0, 1.0).view(-1, CHANNELS, *config.cells)
 
@@ -135,11 +148,11 @@ def close_ups(
 def shown_by(
     views: Sequence[DepthView], workspace: Workspace, X_WGs: Array, config: CloseUpConfig
 ) -> Tensor:
-    """Return close-ups (N, 4, nx, ny, nz) of grasps (N, 4, 4) in what views show of a workspace."""
-    images = [DepthTensor.of(view, workspace) for view in views]
-    calm = [
-        DepthTensor(smoothed(each.depth_m), each.focal_px, each.center_px, each.X_WC)
-        for each in images
-    ]
+    """Return close-ups (N, 4, nx, ny, nz) of grasps (N, 4, 4), N > 0, in what views show."""
+    half = (np.array(config.cells) - 1) / 2.0 * config.spacing_m
+    middle = np.array([0.0, 0.0, config.middle_z_m])
+    corners = trimesh.bounds.corners([middle - half, middle + half])
+    p_WCorners = (corners @ X_WGs[:, :3, :3].mT + X_WGs[:, None, :3, 3]).reshape(-1, 3)
+    images = [DepthTensor.of(view, p_WCorners).smoothed() for view in views]
     poses = torch.tensor(X_WGs, dtype=torch.float32)
-    return close_ups(calm, poses, workspace.p_WCenter[2], config)
+    return close_ups(images, poses, workspace.p_WCenter[2], config)

@@ -96,6 +96,22 @@ def test_what_one_camera_sees_through_is_free() -> None:
     assert (shown[2] == 1.0).all() and not shown[:2].any()
 
 
+def test_a_camera_may_be_in_the_workspace_or_see_none_of_it() -> None:
+    wide = Intrinsics.centered(60, 40, 30.0)
+    for p_WC, p_WTarget in (((0.5, 0.1, 0.08), MIDDLE), ((0.5, 3.0, 1.0), (0.5, 6.0, 0.0))):
+        X_WC = look_at(p_WC, p_WTarget)
+        view = (
+            DepthRenderer(trimesh.creation.box(BOX_M)).render(
+                make_pose(p=MIDDLE), CameraPlacement("side", wide, X_WC)
+            )
+            if p_WC[1] < 1.0
+            else DepthView(np.ones((40, 60), np.float32), wide, X_WC)
+        )
+        shown = shown_by([view], WORKSPACE, X_WG[None], CLOSE_UP)
+        assert shown.isfinite().all()
+        assert bool((shown[0, 2] == 1.0).all()) == (p_WC[1] > 1.0)
+
+
 def test_half_a_turn_of_the_hand_mirrors_the_close_up() -> None:
     turned = X_WG @ make_pose(rotation_z(np.pi))
     one, other = shown_by([LEFT], WORKSPACE, np.stack([X_WG, turned]), CLOSE_UP)
