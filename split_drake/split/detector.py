@@ -21,6 +21,7 @@ from split_drake.pose_task import GRASP, PoseTask, find_tasks
 from split_drake.poses import Array
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
+from split_drake.split.close_up.choice import worth_a_look
 from split_drake.split.close_up.images import shown_by
 from split_drake.split.inference import ScenePredictor
 from split_drake.split.network import SplitNetwork
@@ -49,8 +50,9 @@ class SamplerConfig:
         langevin: the dynamics.
         start_margin_m: the samples start uniformly in the box around the scene's points, widened by
             this much.
-        close_ups: so many of the best grasps get a second look, where the network can take one and
-            the scene has depth images; the others are rejected then.  0 for none.
+        close_ups: so many of the best grasps, unlike each other, get a second look, where the
+            network can take one and the scene has depth images; the others are rejected then.  0
+            for none.
         acceptance: which poses are kept, by the evaluator's scores.  It was trained to accept poses
             perturbed by less than `BatchConfig.evaluator_limit`; scores rank poses but are no
             probabilities.
@@ -63,7 +65,7 @@ class SamplerConfig:
     samples: int = 256
     langevin: LangevinConfig = field(default_factory=LangevinConfig)
     start_margin_m: float = 0.03
-    close_ups: int = 48
+    close_ups: int = 24
     acceptance: Acceptance = ACCEPTANCE
 
     def __post_init__(self) -> None:
@@ -226,8 +228,8 @@ class SplitDetector:
         network = self._network.close_up
         if network is None or not scene.views or not self.config.close_ups:
             return logits
-        best = logits.topk(min(self.config.close_ups, len(logits))).indices
-        seen = shown_by(scene.views, scene.workspace, X_WGs[best.numpy()], network.config)
+        best = worth_a_look(X_WGs, logits.numpy(), self.config.close_ups)
+        seen = shown_by(scene.views, scene.workspace, X_WGs[best], network.config)
         again = torch.full_like(logits, -torch.inf)
         again[best] = logits[best] + network(seen.to(self._network.device)).double().cpu()
         return again

@@ -21,6 +21,7 @@ from split_drake.evaluation.calibration import area_under_curve
 from split_drake.experiments.run import CONFIG
 from split_drake.files import interpreting, read_json_object, read_npz
 from split_drake.scene import Workspace
+from split_drake.split.close_up.choice import worth_a_look
 from split_drake.split.close_up.config import CloseUpConfig
 from split_drake.split.close_up.images import DepthTensor, close_ups
 from split_drake.split.close_up.network import CloseUpNetwork
@@ -206,21 +207,24 @@ def train_steps(
 def second_look(network: CloseUpNetwork, judged: JudgedViews, looks: int) -> dict[str, float]:
     """Return how well grasps are ranked by the first look, the second, and both.
 
-    Of each scene the `looks` best by the first look count; images have 5 mm of normal noise.  "auc"
-    is over the grasps of all scenes, "top" the share of scenes whose best one holds; "any" that of
-    scenes of which one does.
+    Of each scene `looks` of the best by the first look count, chosen by `worth_a_look`; images have
+    5 mm of normal noise.  "auc" is over the grasps of all scenes, "top" the share of scenes
+    whose best one holds; "any" that of scenes of which one does.
     """
     generator = torch.Generator().manual_seed(0)
     network.eval()
-    grasps = np.arange(min(looks, BEST))
-    second = []
+    chosen, second = [], []
     for scene in range(len(judged)):
         depth_m = judged.depth_m(scene)
         noise = MEASURED_NOISE_M * torch.randn(depth_m.shape, generator=generator)
         image = torch.where(depth_m > 0.0, (depth_m + noise).clamp_min(0.0), 0.0)
-        second.append(network(judged.close_ups(scene, grasps, image, network.config)).numpy())
-    held = judged.arrays["held"][:, grasps]
-    logits = {"first": judged.arrays["logits"][:, grasps], "second": np.stack(second)}
+        sampled, first = (judged.arrays[name][scene, :BEST] for name in ("sampled", "logits"))
+        chosen.append(worth_a_look(sampled, first, looks))
+        shown = judged.close_ups(scene, chosen[-1], image, network.config)
+        second.append(network(shown).numpy())
+    rows, grasps = np.arange(len(judged))[:, None], np.stack(chosen)
+    held = judged.arrays["held"][rows, grasps]
+    logits = {"first": judged.arrays["logits"][rows, grasps], "second": np.stack(second)}
     logits["both"] = logits["first"] + logits["second"]
     rows = np.arange(len(held))
     found = {f"auc_{name}": area_under_curve(x.ravel(), held.ravel()) for name, x in logits.items()}
