@@ -104,6 +104,7 @@ def table_rows(authors: Path | None = None, there: Collection[str] = ()) -> tupl
         _trained_here(
             "se3dif_segments", "SE(3)-Dif, each segment", "se3dif_segments.safetensors", "none"
         ),
+        _trained_here("split_once", "SPLIT, one look", "split_clutter.safetensors", SPLIT),
         _trained_here(SPLIT, "SPLIT", "split_clutter.safetensors"),
         TableRow("oracle", "true grasps", "oracle"),
     )

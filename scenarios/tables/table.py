@@ -22,6 +22,7 @@ NOTES = (
     "Methods trained here learn from the scenes and labels that SPLIT learns from; the authors' "
     "weights come from other objects, another engine and more scenes.",
     "VGN, GIGA and SE(3)-Dif were trained for 90 minutes each on two cores, SPLIT for longer.",
+    "SPLIT, one look, is the paper's method; SPLIT takes a second look at 24 of the best grasps.",
     "SE(3)-Dif has no evaluator: its grasps are ranked by their energy.",
 )
 

@@ -6,7 +6,7 @@ geometry, as `ClutterJudge` does.  DIR gets study.json; a study that was stopped
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from statistics import median
@@ -37,7 +37,7 @@ from split_drake.pose_task import GRASP
 from split_drake.poses import Array, transform_points
 from split_drake.scene import Scene
 from split_drake.split.checkpoint import load_checkpoint
-from split_drake.split.detector import CLUTTER_SAMPLER, EIGHT_EVALUATIONS, SplitDetector
+from split_drake.split.detector import EIGHT_EVALUATIONS, ONE_LOOK, SplitDetector
 from split_drake.station.layout import Layout
 from split_drake.studies.sampler_study import SHIPPED, SHORT, Sampler
 
@@ -220,10 +220,9 @@ def main(config: ClutterStudyConfig) -> None:
         rows: list[Row] = read_json(path, "the rows of a study") if path.exists() else []
         scenes = drawn_scenes(config, Layout(workspace=info.workspace))
         for sampler in missing(rows):
-            shipped = CLUTTER_SAMPLER if sampler.integrator == SHORT else EIGHT_EVALUATIONS
             # Samplers are compared, not second looks; images are without noise here.
-            first = replace(shipped, close_ups=0)
-            detector = SplitDetector(network, info.workspace, first, integrator=sampler.build())
+            shipped = ONE_LOOK if sampler.integrator == SHORT else EIGHT_EVALUATIONS
+            detector = SplitDetector(network, info.workspace, shipped, integrator=sampler.build())
             rows.append({**asdict(sampler), **measured(detector, scenes)})
             write_json(path, rows)
             console.print(table_of(rows[-1:]))

@@ -24,7 +24,7 @@ from split_drake.data.clutter.views import merged_mesh
 from split_drake.experiments.provenance import file_sha256
 from split_drake.grasps.clutter_judge import ClutterJudge
 from split_drake.pose_task import GRASP
-from split_drake.split.detector import CLUTTER_SAMPLER, SplitDetector
+from split_drake.split.detector import ONE_LOOK, SplitDetector
 from split_drake.station.layout import Layout
 from split_drake.tuning.judged_grasps import (
     Shard,
@@ -78,7 +78,7 @@ class JudgeClutterConfig:
             "checkpoint": file_sha256(self.checkpoint),
             "library": file_sha256(self.library),
             "label_version": LABEL_VERSION,
-            "langevin": asdict(CLUTTER_SAMPLER.langevin),
+            "langevin": asdict(ONE_LOOK.langevin),
             "scenes_per_shard": self.scenes_per_shard,
             "samples": self.samples,
             "seed": self.seed,
@@ -98,7 +98,7 @@ def judge_clutter_scene(
 
 def write_judged_clutter(config: JudgeClutterConfig, recipe: ClutterRecipe, name: str) -> None:
     """Draw and judge the grasps of a shard, and write them at once or not at all."""
-    sampler = replace(CLUTTER_SAMPLER, samples=config.samples, close_ups=0)
+    sampler = replace(ONE_LOOK, samples=config.samples)
     detector = SplitDetector.from_checkpoint(config.checkpoint, sampler)
     rng = np.random.default_rng([config.seed, config.names().index(name), _STREAM])
     drawn = ClutterScenes(recipe, rng).draw_all()

@@ -22,7 +22,7 @@ on the seed and its number alone; shards that exist are kept.
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,7 @@ from split_drake.grasps.clutter_judge import LEAST_QUALITY, LEAST_WIDTH_M, Clutt
 from split_drake.pose_task import GRASP
 from split_drake.poses import Array
 from split_drake.scene import EmptySceneError, Scene
-from split_drake.split.detector import CLUTTER_SAMPLER, SplitDetector
+from split_drake.split.detector import ONE_LOOK, SplitDetector
 from split_drake.station.layout import Layout
 from split_drake.tuning.judged_grasps import Shard, with_training_noise, write_missing
 
@@ -87,7 +87,7 @@ class JudgeViewsConfig:
             "checkpoint": file_sha256(self.checkpoint),
             "objects": source.sha256(),
             "judge": [LEAST_QUALITY, LEAST_WIDTH_M],
-            "sampler": asdict(CLUTTER_SAMPLER),
+            "sampler": asdict(ONE_LOOK),
             "scenes_per_shard": self.scenes_per_shard,
             "grasps": [BEST, OTHERS],
             "seed": self.seed,
@@ -161,9 +161,7 @@ def write_judged_views(
 ) -> None:
     """Draw and judge the grasps of a shard, and write them at once or not at all."""
     # The second look is what is to be learnt: these grasps are those of the first.
-    detector = SplitDetector.from_checkpoint(
-        config.checkpoint, replace(CLUTTER_SAMPLER, close_ups=0)
-    )
+    detector = SplitDetector.from_checkpoint(config.checkpoint, ONE_LOOK)
     rng = np.random.default_rng([config.seed, config.names().index(name), _STREAM])
     drawn = seen_clutter(_objects(source), layout, rng)
     scenes = [judged_view(next(drawn), detector, rng) for _ in range(config.scenes_per_shard)]

@@ -1,4 +1,4 @@
-"""SPLIT with eight evaluations of its score in place of four, as its earlier figures were."""
+"""SPLIT with eight evaluations of its score and one look, as its earlier figures were."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
