@@ -33,6 +33,7 @@ from scenarios.tables.rows import SCENES, TableRow, chosen_rows
 from scenarios.tables.table import PaperTable, mugs_of
 from split_drake.bad_input import BadInputError, require_count, require_numbers
 from split_drake.experiments.command import run_command
+from split_drake.experiments.provenance import file_sha256
 from split_drake.files import write_atomically, write_json
 
 # Folders of VGN's layout; those that nothing was trained on come first.
@@ -146,10 +147,13 @@ def run_missing(options: TableOptions, rows: Sequence[TableRow], console: Consol
     _, _, trials = options.size
     for row, scene in itertools.product(rows, SCENES):
         console.rule(f"{row.title}, {scene}")
-        if _is_kept(options, row, scene):
-            console.print(f"kept in {options.kept}", markup=False)
-        else:
+        if (kept := _kept_whole(options, row, scene)) is None:
             clutter_removal.main(options.clutter(row, scene))
+            continue
+        weights = options.clutter(row, scene).checkpoint
+        console.print(f"kept in {options.kept}", markup=False)
+        if weights and file_sha256(weights) != kept.config.get("checkpoint_sha256"):
+            console.print(f"of other weights than {weights}", markup=False, style="yellow")
     for figure in MUG_FIGURES if trials else ():
         console.rule(figure.title)
         mug_hang.main(
@@ -165,17 +169,18 @@ def run_missing(options: TableOptions, rows: Sequence[TableRow], console: Consol
         )
 
 
-def _is_kept(options: TableOptions, row: TableRow, scene: SceneKind) -> bool:
-    """Return whether all rounds of a cell were kept, and none was begun in `out`."""
+def _kept_whole(options: TableOptions, row: TableRow, scene: SceneKind) -> Cell | None:
+    """Return a cell that was kept, all its rounds of the same objects, and not begun in `out`."""
     asked = options.clutter(row, scene)
     if options.kept is None or cell_folder(options.out, row, scene).is_dir():
-        return False
+        return None
     cell = read_cell(options.kept, row, scene, asked.rounds, options.seed_range)
-    return (
-        cell is not None
-        and len(cell.records) == asked.rounds * asked.seeds
-        and all(cell.config.get(key) == getattr(asked, key) for key in SAME)
-    )
+    if cell is None or len(cell.records) < asked.rounds * asked.seeds:
+        return None
+    if any(cell.config.get(key) != getattr(asked, key) for key in SAME):
+        return None
+    objects = clutter_removal.run_config(asked)["objects_sha256"]
+    return cell if cell.config.get("objects_sha256") == objects else None
 
 
 def made_table(options: TableOptions, rows: Sequence[TableRow]) -> PaperTable:

@@ -146,6 +146,8 @@ def _parse_info(text: str) -> CheckpointInfo:
     config = values.pop("config")
     noise = NoiseSchedule(**config.pop("noise"))
     if (shown := config.pop("close_up", None)) is not None:
+        if not isinstance(shown, dict):
+            raise TypeError(f"close_up is {shown}; expected an object")
         config["close_up"] = CloseUpConfig(**_with_tuples(shown))
     values["earlier_commits"] = tuple(values.get("earlier_commits", ()))
     tasks = [PoseTask.from_fields(fields) for fields in values.pop("tasks", ())]

@@ -51,8 +51,8 @@ class SamplerConfig:
         start_margin_m: the samples start uniformly in the box around the scene's points, widened by
             this much.
         close_ups: so many of the best grasps, unlike each other, get a second look, where the
-            network can take one and the scene has depth images; the others are rejected then.  0
-            for none.
+            network can take one and the scene has depth images.  The others then have a score of 0.
+            0 looks leave all scores as they are.
         acceptance: which poses are kept, by the evaluator's scores.  It was trained to accept poses
             perturbed by less than `BatchConfig.evaluator_limit`; scores rank poses but are no
             probabilities.
@@ -190,6 +190,8 @@ class SplitDetector:
         callback: StepCallback | None = None,
     ) -> dict[str, ScoredPoses]:
         """Return all samples for each of `tasks`, by their names.
+
+        Where grasps are looked at twice, those that are not have a score of 0.
 
         Args:
             scene: its workspace must have the size that the network was trained on.

@@ -203,6 +203,8 @@ class TrainingRun:
             self._trainer.start_from(network)
         except ValueError as error:
             raise SystemExit(f"{path} cannot be started from: {error}") from error
+        if network.close_up is not None:
+            self._console.print(f"the second look of {path} is left out", markup=False)
         self._parent = parent_record(path, info)
 
     def _go_on(self) -> None:

@@ -52,11 +52,13 @@ class JudgedViews:
         arrays: by their names.
         starts: (S,) where each scene's pixels begin.
         workspace: that the scenes were cropped to.
+        checkpoint: SHA-256 of the file of the model that drew the grasps.
     """
 
     arrays: dict[str, np.ndarray]
     starts: NDArray[np.int_]
     workspace: Workspace
+    checkpoint: str
 
     @classmethod
     def open(cls, folder: Path, held_out: bool) -> Self:
@@ -70,6 +72,7 @@ class JudgedViews:
         config = read_json_object(path, "what grasps were judged with")
         with interpreting(path, "a folder of judged views"):
             names, workspace = config["shards"], Workspace.from_fields(config["workspace"])
+            checkpoint = str(config["checkpoint"])
         if len(names) < HELD_OUT:
             raise BadInputError(
                 f"{folder} has {len(names)} shards; expected at least {HELD_OUT}, to hold one out"
@@ -84,9 +87,12 @@ class JudgedViews:
                 f"{len(missing)} shards are missing, {missing[0]} the first; judge them first"
             )
         shards = [read_npz(path, "a shard of judged views", required=_ARRAYS) for path in paths]
-        arrays = {key: np.concatenate([shard[key] for shard in shards]) for key in _ARRAYS}
-        pixels = arrays["sizes"].astype(int).prod(axis=1)
-        return cls(arrays, np.cumsum(pixels) - pixels, workspace)
+        with interpreting(folder, "a folder of judged views"):
+            arrays = {key: np.concatenate([shard[key] for shard in shards]) for key in _ARRAYS}
+            pixels = arrays["sizes"].astype(int).prod(axis=1)
+            if pixels.sum() != len(arrays["depths"]):
+                raise ValueError("images have other sizes than their pixels")
+        return cls(arrays, np.cumsum(pixels) - pixels, workspace, checkpoint)
 
     def __len__(self) -> int:
         return len(self.starts)

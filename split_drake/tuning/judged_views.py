@@ -22,6 +22,7 @@ on the seed and its number alone; shards that exist are kept.
 
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -33,9 +34,10 @@ from split_drake.bad_input import require_count, require_numbers
 from split_drake.camera import DepthView
 from split_drake.data.clutter.drawing import Objects, arrangements
 from split_drake.data.clutter.library import ClutterObject
-from split_drake.data.clutter.scenes import LEAST_POINTS, KeptSource
+from split_drake.data.clutter.scenes import LEAST_POINTS, MAX_EMPTY, KeptSource
 from split_drake.data.clutter.sizes import clutter_source
 from split_drake.data.clutter.views import FINE, ViewRandomization, merged_mesh, see
+from split_drake.data.dataset import DatasetError
 from split_drake.experiments.provenance import file_sha256
 from split_drake.files import replacing
 from split_drake.grasps.clutter_judge import LEAST_QUALITY, LEAST_WIDTH_M, ClutterJudge
@@ -44,9 +46,12 @@ from split_drake.poses import Array
 from split_drake.scene import EmptySceneError, Scene
 from split_drake.split.detector import ONE_LOOK, SplitDetector
 from split_drake.station.layout import Layout
+from split_drake.training.augmentation import AugmentationConfig
 from split_drake.tuning.judged_grasps import Shard, with_training_noise, write_missing
 
 DEPTH_UNIT_M = 5e-5
+_MOST_UNITS = np.iinfo(np.uint16).max
+VIEWS = ViewRandomization(intrinsics=FINE)
 BEST, OTHERS = 64, 32
 # Keeps these scenes apart from those of training and of `judged_clutter`.
 _STREAM = 2
@@ -87,6 +92,8 @@ class JudgeViewsConfig:
             "checkpoint": file_sha256(self.checkpoint),
             "objects": source.sha256(),
             "judge": [LEAST_QUALITY, LEAST_WIDTH_M],
+            "views": asdict(VIEWS),
+            "noise_m": list(AugmentationConfig().noise_m),
             "sampler": asdict(ONE_LOOK),
             "scenes_per_shard": self.scenes_per_shard,
             "grasps": [BEST, OTHERS],
@@ -118,16 +125,22 @@ class SeenClutter:
 def seen_clutter(
     objects: Objects, layout: Layout, rng: np.random.Generator
 ) -> Iterator[SeenClutter]:
-    """Yield scenes without end; such as show hardly anything are left out."""
-    views = ViewRandomization(intrinsics=FINE)
+    """Yield scenes without end; such as show hardly anything are left out.
+
+    Raises DatasetError where many in a row do.
+    """
+    empty = 0
     for drawn, arrangement in arrangements(objects, layout, rng):
         there = [drawn[number] for number in arrangement.numbers]
-        try:
-            scene, _ = see(there, arrangement.X_WOs, layout.workspace, views, rng)
-        except EmptySceneError:
-            continue
-        if len(scene.p_WPs) >= LEAST_POINTS:
-            yield SeenClutter(scene, there, arrangement.X_WOs)
+        with suppress(EmptySceneError):
+            scene, _ = see(there, arrangement.X_WOs, layout.workspace, VIEWS, rng)
+            if len(scene.p_WPs) >= LEAST_POINTS:
+                empty = 0
+                yield SeenClutter(scene, there, arrangement.X_WOs)
+                continue
+        empty += 1
+        if empty == MAX_EMPTY:
+            raise DatasetError(f"{MAX_EMPTY} arrangements in a row show hardly anything")
 
 
 def judged_view(seen: SeenClutter, detector: SplitDetector, rng: np.random.Generator) -> Shard:
@@ -139,8 +152,9 @@ def judged_view(seen: SeenClutter, detector: SplitDetector, rng: np.random.Gener
     X_WGs, scores = drawn.X_WPs[chosen], drawn.scores[chosen].clip(1e-9, 1.0 - 1e-9)
     judge = ClutterJudge(merged_mesh(seen.objects, seen.X_WOs), seen.scene.workspace.p_WCenter[2])
     intrinsics = seen.view.intrinsics
+    units = np.round(seen.view.depth_m / DEPTH_UNIT_M)
     return {
-        "depths": np.round(seen.view.depth_m / DEPTH_UNIT_M).astype(np.uint16).ravel(),
+        "depths": np.where(units <= _MOST_UNITS, units, 0.0).astype(np.uint16).ravel(),
         "sizes": np.array([intrinsics.height, intrinsics.width], np.int32),
         "focal_px": np.array([intrinsics.fx, intrinsics.fy], np.float32),
         "center_px": np.array([intrinsics.cx, intrinsics.cy], np.float32),

@@ -33,14 +33,20 @@ from split_drake.station.layout import Layout
 from split_drake.training.precision import uses_bfloat16
 from split_drake.training.train import parent_record
 from split_drake.tuning.close_up_training import (
+    BEST_SHARE,
     CloseUpBatches,
     JudgedViews,
     second_look,
     train_steps,
 )
-from split_drake.tuning.judged_views import JudgeViewsConfig, judge_views
+from split_drake.tuning.judged_views import BEST, JudgeViewsConfig, judge_views
 
 LOG_STEPS, SAVED_STEPS = 200, 1000
+# What reading a file raises that is no state of a run.
+_DAMAGED = (
+    *(OSError, RuntimeError, KeyError, ValueError, TypeError),
+    *(IndexError, EOFError, UnpicklingError),
+)
 
 
 @dataclass(frozen=True)
@@ -77,6 +83,7 @@ class TrainCloseUpConfig:
         for name in ("steps", "scenes", "grasps"):
             require_count(name, getattr(self, name), 1)
         require_count("workers", self.workers)
+        require_count("grasps", self.grasps, 1, round(BEST / BEST_SHARE))
         for name in ("learning_rate", "weight_decay"):
             require_number(name, getattr(self, name), 0.0, 1.0)
 
@@ -101,6 +108,7 @@ class CloseUpRun:
     Attributes:
         network: what is trained.
         step: steps that were taken.
+        bfloat16: whether it is trained in bfloat16, as was measured when the run began.
 
     Args:
         config: of the run.
@@ -117,19 +125,22 @@ class CloseUpRun:
             self.network.parameters(), config.learning_rate, weight_decay=config.weight_decay
         )
         self.step = 0
+        self.bfloat16 = False
         if self._path.is_file():
             self._go_on()
+        else:
+            self.bfloat16 = uses_bfloat16("auto")
 
     def _go_on(self) -> None:
         try:
             state = torch.load(self._path, weights_only=True)
-            record, step = state["record"], int(state["step"])
+            record, step, bfloat16 = state["record"], int(state["step"]), bool(state["bfloat16"])
             if record == repr(self._config.record()):
                 self.network.load_state_dict(state["network"])
                 self.adam.load_state_dict(state["adam"])
-                self.step = step
+                self.step, self.bfloat16 = step, bfloat16
                 return
-        except (OSError, RuntimeError, KeyError, ValueError, EOFError, UnpicklingError) as error:
+        except _DAMAGED as error:
             raise BadInputError(f"{self._path} is damaged; remove it to start anew") from error
         raise BadInputError(
             f"{self._path} is of a run with other options; remove it, or give another --out"
@@ -140,6 +151,7 @@ class CloseUpRun:
         state = {
             "record": repr(self._config.record()),
             "step": self.step,
+            "bfloat16": self.bfloat16,
             "network": self.network.state_dict(),
             "adam": self.adam.state_dict(),
         }
@@ -161,15 +173,14 @@ class CloseUpRun:
             config.grasps,
             config.seed,
         )
-        bfloat16 = uses_bfloat16("auto")
         self._set_rate()
-        for loss in train_steps(self.network, self.adam, batches, config.workers, bfloat16):
+        for loss in train_steps(self.network, self.adam, batches, config.workers, self.bfloat16):
             self.step += 1
             self._set_rate()
             losses.append(loss)
             if self.step % LOG_STEPS == 0:
                 console.print(f"step {self.step}  loss {np.mean(losses[-LOG_STEPS:]):.4f}")
-            if self.step % SAVED_STEPS == 0:
+            if self.step % SAVED_STEPS == 0 or self.step == config.steps:
                 self.save()
 
     def _set_rate(self) -> None:
@@ -181,7 +192,11 @@ def train(config: TrainCloseUpConfig) -> None:
     """Train, print what it brought on shards that were held out, and write the checkpoint."""
     console = Console(soft_wrap=True)
     network, info = load_checkpoint(config.init)
-    used = JudgedViews.open(config.judged, held_out=False)
+    used, held_out = (JudgedViews.open(config.judged, held_out=each) for each in (False, True))
+    if used.checkpoint != file_sha256(config.init):
+        raise BadInputError(
+            f"the grasps of {config.judged} were drawn by another checkpoint than {config.init}"
+        )
     if used.workspace != info.workspace:
         raise BadInputError(
             f"{config.judged} is of {used.workspace}, {config.init} of {info.workspace}: "
@@ -189,12 +204,11 @@ def train(config: TrainCloseUpConfig) -> None:
         )
     run = CloseUpRun(config)
     run.train(used, console)
-    held_out = JudgedViews.open(config.judged, held_out=True)
     quality = second_look(run.network, held_out, CLUTTER_SAMPLER.close_ups)
     for name, value in quality.items():
         console.print(f"{name}, held out: {value:.3f}")
     looking = _with_close_up(network, run.network)
-    save_checkpoint(config.out, looking, _info(config, info, looking, quality))
+    save_checkpoint(config.out, looking, _info(run, config, info, looking, quality))
     run.finish()
 
 
@@ -208,6 +222,7 @@ def _with_close_up(network: SplitNetwork, close_up: CloseUpNetwork) -> SplitNetw
 
 
 def _info(
+    run: CloseUpRun,
     config: TrainCloseUpConfig,
     info: CheckpointInfo,
     network: SplitNetwork,
@@ -217,7 +232,8 @@ def _info(
     return replace(
         info,
         config=network.config,
-        training={name: str(value) for name, value in config.record().items()},
+        training={name: str(value) for name, value in config.record().items()}
+        | {"bfloat16": run.bfloat16},
         seed=config.seed,
         dataset_hash=_judged_sha256(config.judged),
         commit=git_commit(),

@@ -16,7 +16,8 @@ NEAR_M, NEAR_RAD = 0.006, 0.3
 def worth_a_look(X_WGs: Array, logits: Array, count: int) -> NDArray[np.intp]:
     """Return indices (min(count, N),) of the best grasps (N, 4, 4), by logits (N,), best first.
 
-    Of grasps that are nearly the same only the best is taken, as long as there are others.
+    Of grasps that are nearly the same only the best is taken, as long as there are others among the
+    `CONSIDERED` best.
     """
     order = np.argsort(-logits, kind="stable")[: max(CONSIDERED, count)]
     X = X_WGs[order]

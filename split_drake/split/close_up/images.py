@@ -44,13 +44,18 @@ class DepthTensor:
     X_WC: Tensor
 
     @classmethod
-    def of(cls, view: DepthView, p_WShowns: Array) -> Self:
-        """Return the part of a view that shows points (N, 3), with its noise as it is."""
+    def of(cls, view: DepthView, p_WShowns: Array) -> Self | None:
+        """Return the part of a view that shows points (N, 3), with its noise as it is.
+
+        None where they lie outside of the image.
+        """
         whole = view.intrinsics
         p_CShowns = transform_points(invert_pose(view.X_WC), p_WShowns)
         window = (slice(0, whole.height), slice(0, whole.width))
         if p_CShowns[:, 2].min() > 0.0:  # or else the camera is among them
             window = whole.window(p_CShowns)
+        if any(part.stop <= part.start for part in window):
+            return None
         shown = whole.cropped(window)
         return cls(
             torch.tensor(np.ascontiguousarray(view.depth_m[window])),
@@ -150,9 +155,10 @@ def shown_by(
 ) -> Tensor:
     """Return close-ups (N, 4, nx, ny, nz) of grasps (N, 4, 4), N > 0, in what views show."""
     half = (np.array(config.cells) - 1) / 2.0 * config.spacing_m
-    middle = np.array([0.0, 0.0, config.middle_z_m])
-    corners = trimesh.bounds.corners([middle - half, middle + half])
-    p_WCorners = (corners @ X_WGs[:, :3, :3].mT + X_WGs[:, None, :3, 3]).reshape(-1, 3)
-    images = [DepthTensor.of(view, p_WCorners).smoothed() for view in views]
+    p_GMiddle = np.array([0.0, 0.0, config.middle_z_m])
+    p_GCorners = trimesh.bounds.corners([p_GMiddle - half, p_GMiddle + half])
+    p_WCorners = (p_GCorners @ X_WGs[:, :3, :3].mT + X_WGs[:, None, :3, 3]).reshape(-1, 3)
+    showing = [DepthTensor.of(view, p_WCorners) for view in views]
+    images = [each.smoothed() for each in showing if each is not None]
     poses = torch.tensor(X_WGs, dtype=torch.float32)
     return close_ups(images, poses, workspace.p_WCenter[2], config)

@@ -9,8 +9,8 @@ from split_drake.split.close_up.config import CHANNELS, CloseUpConfig
 class CloseUpNetwork(nn.Module):
     """Four 3D convolutions and three layers.
 
-    A hand turned by half a turn about its approach is the same hand; close-ups are shown to the
-    network in either way in training.
+    A hand is its own mirror image across both planes through its approach.  The network learns it,
+    being shown all four in training; its answers for them differ a little.
     """
 
     def __init__(self, config: CloseUpConfig) -> None:

@@ -257,7 +257,7 @@ def test_missing_rounds_are_run_and_the_table_written(
 
 
 def test_cells_that_were_kept_whole_are_not_run_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     ran: list[tuple[str, str]] = []
     monkeypatch.setattr(
@@ -265,8 +265,11 @@ def test_cells_that_were_kept_whole_are_not_run_again(
         "main",
         lambda asked: ran.append((asked.detector, asked.scene)),
     )
+    monkeypatch.setattr(
+        paper_tables.clutter_removal, "run_config", lambda asked: {"objects_sha256": asked.objects}
+    )
     run, kept = tmp_path / "run", tmp_path / "kept"
-    keep(run, "split", 0.8)
+    keep(run, "split", 0.8, {"objects_sha256": "procedural"})
     rows = chosen_rows(("split",), None)
     table = made_table(options(run), rows)
     keep_cells(list(table.cells.values()), kept)
@@ -279,6 +282,10 @@ def test_cells_that_were_kept_whole_are_not_run_again(
     ran.clear()
     paper_tables.main(asked)
     assert ran == []
+    assert "of other weights than" in capsys.readouterr().out
+    paper_tables.main(replace(asked, objects="procedural-train"))
+    assert len(ran) == 2, "other objects were asked for"
+    ran.clear()
     with pytest.raises(BadInputError, match="holds no runs"):
         paper_tables.main(replace(asked, first_seed=77))
     assert len(ran) == 2, "other seeds were asked for"

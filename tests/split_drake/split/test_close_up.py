@@ -97,20 +97,22 @@ def test_what_one_camera_sees_through_is_free() -> None:
     assert (shown[2] == 1.0).all() and not shown[:2].any()
 
 
-def test_a_camera_may_be_in_the_workspace_or_see_none_of_it() -> None:
-    wide = Intrinsics.centered(60, 40, 30.0)
-    for p_WC, p_WTarget in (((0.5, 0.1, 0.08), MIDDLE), ((0.5, 3.0, 1.0), (0.5, 6.0, 0.0))):
-        X_WC = look_at(p_WC, p_WTarget)
-        view = (
-            DepthRenderer(trimesh.creation.box(BOX_M)).render(
-                make_pose(p=MIDDLE), CameraPlacement("side", wide, X_WC)
-            )
-            if p_WC[1] < 1.0
-            else DepthView(np.ones((40, 60), np.float32), wide, X_WC)
-        )
-        shown = shown_by([view], WORKSPACE, X_WG[None], CLOSE_UP)
-        assert shown.isfinite().all()
-        assert bool((shown[0, 2] == 1.0).all()) == (p_WC[1] > 1.0)
+@pytest.mark.parametrize(
+    ("p_WC", "p_WTarget", "seen"),
+    [
+        ((0.5, 0.1, 0.08), MIDDLE, True),  # inside of the workspace
+        ((0.5, 3.0, 1.0), (0.5, 6.0, 0.0), False),  # behind the camera
+        ((0.5, 0.6, 0.6), (-1.0, 0.0, 0.0), False),  # before it, beside the image
+    ],
+)
+def test_a_camera_may_be_anywhere(p_WC: Array, p_WTarget: Array, seen: bool) -> None:
+    intrinsics = Intrinsics.centered(60, 40, 30.0 if seen else 60.0)
+    view = DepthView(np.full((40, 60), 0.05, np.float32), intrinsics, look_at(p_WC, p_WTarget))
+    shown = shown_by([view], WORKSPACE, X_WG[None], CLOSE_UP)
+    assert shown.isfinite().all()
+    assert bool((shown[0, 2] == 1.0).all()) != seen
+    both = shown_by([view, LEFT], WORKSPACE, X_WG[None], CLOSE_UP)
+    assert not (both[0, 2] == 1.0).all()
 
 
 def test_half_a_turn_of_the_hand_mirrors_the_close_up() -> None:

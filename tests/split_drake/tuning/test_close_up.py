@@ -208,7 +208,7 @@ def test_the_command_writes_a_checkpoint_that_looks_twice(folder: Path, tmp_path
 def test_what_cannot_be_trained_on_is_named(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match="does not exist; expected a folder of judged views"):
         JudgedViews.open(tmp_path, held_out=False)
-    record = {"workspace": asdict(Workspace()), "shards": ["views_0000"]}
+    record = {"workspace": asdict(Workspace()), "shards": ["views_0000"], "checkpoint": "abc"}
     write_json(tmp_path / CONFIG, record)
     with pytest.raises(BadInputError, match="has 1 shards; expected at least 10"):
         JudgedViews.open(tmp_path, held_out=False)
@@ -218,8 +218,9 @@ def test_what_cannot_be_trained_on_is_named(folder: Path, tmp_path: Path) -> Non
         JudgedViews.open(tmp_path, held_out=False)
     elsewhere = tmp_path / "elsewhere.safetensors"
     save_new_network(elsewhere, replace(Workspace(), table_clearance_m=0.01))
-    with pytest.raises(BadInputError, match="expected the same"):
+    with pytest.raises(BadInputError, match="were drawn by another checkpoint than"):
         train_close_up.main(replace(config_of(folder, tmp_path / "out"), init=elsewhere))
-    with pytest.raises(BadInputError, match="steps is 0; expected"):
-        replace(config_of(folder, tmp_path), steps=0)
+    for name, value in (("steps", 0), ("grasps", 200)):
+        with pytest.raises(BadInputError, match=f"{name} is {value}; expected"):
+            replace(config_of(folder, tmp_path), **{name: value})  # type: ignore[arg-type]
     assert DEPTH_UNIT_M * np.iinfo(np.uint16).max > 3.0
