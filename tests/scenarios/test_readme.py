@@ -43,6 +43,7 @@ READMES = (
     "split_drake/README.md",
     "split_drake/experiments/cluster/README.md",
 )
+SUBCOMMANDS = ("judge", "judge-clutter", "tune", "train")
 COMMAND = re.compile(r"python -m ((?:scenarios|split_drake|models)(?:\.\w+)+)([^\n`|#]*)")
 
 
@@ -169,7 +170,7 @@ def test_every_command_knows_the_flags_that_are_shown() -> None:
     shown = list(commands())
     assert len(shown) > 20
     for module, rest in shown:
-        subcommand = next((word for word in rest.split()[:1] if word in ("judge", "tune")), "")
+        subcommand = next((word for word in rest.split()[:1] if word in SUBCOMMANDS), "")
         if module.endswith("tune_evaluator") and not subcommand:
             continue
         assert find_spec(module) is not None, f"there is no module {module}"
