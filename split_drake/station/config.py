@@ -25,6 +25,9 @@ class StationConfig:
         dissipation_s_per_m: Hunt-Crossley dissipation of every surface.
         point_stiffness_n_per_m: of the point contact; a tenth of the default lets held mugs slip.
         relaxation_time_s: of SAP's linear dissipation; 0.1 lets held mugs slip.
+        near_rigid_threshold: Drake's `sap_near_rigid_threshold`.  Its default, 1, softens contact
+            that is too stiff for the step, and light things most: pads sank 4 mm into what weighs
+            20 g.
         pad_modulus_pa: of the pads in hydroelastic contact.
         arm_kp_nm_per_rad, arm_kd_nms_per_rad: implicit PD gains of the seven arm joints.
         finger_kp_n_per_m, finger_kd_ns_per_m: implicit PD gains of each finger.
@@ -43,6 +46,7 @@ class StationConfig:
     dissipation_s_per_m: float = 10.0
     point_stiffness_n_per_m: float = 1e5
     relaxation_time_s: float = 0.02
+    near_rigid_threshold: float = 0.1
     pad_modulus_pa: float = 1e7
     arm_kp_nm_per_rad: tuple[float, ...] = (3000.0, 3000.0, 3000.0, 3000.0, 1500.0, 1500.0, 1000.0)
     arm_kd_nms_per_rad: tuple[float, ...] = (150.0, 150.0, 150.0, 150.0, 60.0, 60.0, 40.0)

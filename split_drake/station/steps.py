@@ -39,6 +39,7 @@ def add_plant(builder: DiagramBuilder, config: StationConfig) -> tuple[Multibody
         time_step=config.time_step_s,
         contact_model=config.contact_model,
         discrete_contact_approximation=config.contact_approximation,
+        sap_near_rigid_threshold=config.near_rigid_threshold,
     )
     return AddMultibodyPlant(plant_config, builder)
 

@@ -10,7 +10,7 @@ from split_drake.station.layout import Layout
 from split_drake.truth.state import Truth
 from tests.split_drake.station.solids import DOWN, clear, solid_box, solid_cylinder, stand
 
-CAN, WIDE, THIN, CUBE = range(4)
+CAN, WIDE, THIN, CUBE, PEN = range(5)
 X_WG = make_pose(DOWN, (0.5, 0.0, 0.03))
 
 
@@ -22,6 +22,7 @@ def shared() -> HandStation:
             solid_box("wide", (0.1, 0.1, 0.05)),
             solid_box("thin", (0.05, 0.005, 0.08), 0.1),
             solid_box("cube", (0.05, 0.05, 0.05), 0.15),
+            solid_box("pen", (0.1, 0.012, 0.012), 0.012),
         ],
         Layout(),
     )
@@ -42,6 +43,13 @@ def test_grasp_from_above_lifts_the_object(station: HandStation) -> None:
     assert execution.stopped_by == ()
     assert execution.opening_m == pytest.approx(0.05, abs=1e-3)
     assert Truth(station).X_WO(CUBE)[2, 3] == pytest.approx(0.125, abs=3e-3)
+
+
+def test_pads_hardly_sink_into_what_is_light(station: HandStation) -> None:
+    stand(station, PEN)
+    execution = execute_grasp(station, make_pose(DOWN, (0.5, 0.0, 0.014)))
+    assert execution.success, execution.reason
+    assert execution.opening_m == pytest.approx(0.012, abs=1e-3)
 
 
 def test_grasp_from_the_side_lifts_the_object_straight_up(station: HandStation) -> None:
