@@ -19,6 +19,7 @@ from scenarios.clutter.observation import Noise
 from scenarios.clutter.spec import SceneKind
 from scenarios.tables.cells import (
     SAME,
+    SAME_IN_A_COLUMN,
     Cell,
     cell_folder,
     keep_cells,
@@ -34,6 +35,7 @@ from scenarios.tables.table import PaperTable, mugs_of
 from split_drake.bad_input import BadInputError, require_count, require_numbers
 from split_drake.experiments.command import run_command
 from split_drake.experiments.provenance import file_sha256
+from split_drake.experiments.run import as_json
 from split_drake.files import write_atomically, write_json
 
 # Folders of VGN's layout; those that nothing was trained on come first.
@@ -170,17 +172,16 @@ def run_missing(options: TableOptions, rows: Sequence[TableRow], console: Consol
 
 
 def _kept_whole(options: TableOptions, row: TableRow, scene: SceneKind) -> Cell | None:
-    """Return a cell that was kept, all its rounds of the same objects, and not begun in `out`."""
+    """Return a cell kept whole, run in the same conditions, where `out` has not begun it."""
     asked = options.clutter(row, scene)
     if options.kept is None or cell_folder(options.out, row, scene).is_dir():
         return None
     cell = read_cell(options.kept, row, scene, asked.rounds, options.seed_range)
     if cell is None or len(cell.records) < asked.rounds * asked.seeds:
         return None
-    if any(cell.config.get(key) != getattr(asked, key) for key in SAME):
-        return None
-    objects = clutter_removal.run_config(asked)["objects_sha256"]
-    return cell if cell.config.get("objects_sha256") == objects else None
+    config = as_json(clutter_removal.run_config(asked))
+    same = all(cell.config.get(key) == config[key] for key in (*SAME, *SAME_IN_A_COLUMN))
+    return cell if same else None
 
 
 def made_table(options: TableOptions, rows: Sequence[TableRow]) -> PaperTable:

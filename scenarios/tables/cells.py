@@ -26,7 +26,7 @@ _WHAT = "the rounds of a cell"
 _OF_A_MACHINE = ("out", "workers", "scheduler", "limit_s", "record", "shard")
 # What has to be the same in all cells of a table, and in those of one kind of scene, so that
 # methods meet the same scenes.
-SAME = ("noise", "fit_table", "select", "robot", "first_seed")
+SAME = ("noise", "fit_table", "select", "robot", "first_seed", "physics")
 SAME_IN_A_COLUMN = ("objects_sha256",)
 
 
@@ -120,9 +120,17 @@ def require_comparable(cells: Sequence[Cell]) -> None:
 
 def _require_same(first: Cell, second: Cell, keys: Sequence[str]) -> None:
     for key in keys:
-        if first.config.get(key) != second.config.get(key):
-            raise BadInputError(
-                f"{second.row.name}-{second.scene} has {key} {second.config.get(key)!r}, "
-                f"{first.row.name}-{first.scene} has {first.config.get(key)!r}; "
-                "a table needs the same"
-            )
+        if (of_first := first.config.get(key)) == (of_second := second.config.get(key)):
+            continue
+        raise BadInputError(
+            f"{second.row.name}-{second.scene} has {key} {_what_differs(of_second, of_first)}, "
+            f"{first.row.name}-{first.scene} has {_what_differs(of_first, of_second)}; "
+            "a table needs the same"
+        )
+
+
+def _what_differs(value: object, other: object) -> str:
+    """Return a value, and of one with entries those that another lacks."""
+    if isinstance(value, Mapping) and isinstance(other, Mapping):
+        value = {key: each for key, each in value.items() if other.get(key) != each}
+    return repr(value)

@@ -1,7 +1,7 @@
 """What a station is made of, as numbers; the defaults are those the project was measured with."""
 
 from dataclasses import dataclass, fields
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from split_drake.bad_input import require_numbers
 from split_drake.depth_noise import DepthNoiseLevel
@@ -71,3 +71,15 @@ class StationConfig:
                     raise ValueError(f"{entry.name} is {value}; expected seven positive numbers")
             elif isinstance(value, (int, float)) and not value > 0.0:
                 raise ValueError(f"{entry.name} is {value}; expected a positive number")
+
+    def physics(self) -> dict[str, Any]:
+        """Return contact and control by name, which outcomes depend on wherever things stand."""
+        return {name: getattr(self, name) for name in PHYSICS}
+
+
+# What of a station is contact and control.
+PHYSICS = tuple(
+    entry.name
+    for entry in fields(StationConfig)
+    if entry.name not in ("layout", "meshcat_rate_hz", "depth_noise")
+)

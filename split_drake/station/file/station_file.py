@@ -30,19 +30,13 @@ from split_drake.poses import Array, make_pose, rotation_x, rotation_z
 from split_drake.scene import Workspace
 from split_drake.sensing.camera_file import STATION_SECTIONS, cameras_of, pose_rows
 from split_drake.sensing.yaml_file import Fields, numbers, read_yaml, require_keys
-from split_drake.station.config import StationConfig
+from split_drake.station.config import PHYSICS, StationConfig
 from split_drake.station.layout import CameraPlacement, HookShape, Layout, OpenBin
 
 WHAT = "a station, see split_drake/station/file/station_file.py"
 SECTIONS = ("workspace", "cameras", *STATION_SECTIONS)
 _HOOK_POSE = ("position", "tilt_deg", "yaw_deg", "X_WK")
 _HOOK_SHAPE = tuple(entry.name for entry in fields(HookShape))
-# What of a station is contact and control; the rest has sections of its own, or is no physics.
-_CONTACT = tuple(
-    entry.name
-    for entry in fields(StationConfig)
-    if entry.name not in ("layout", "meshcat_rate_hz", "depth_noise")
-)
 
 
 def read_station(path: Path | str, usual: StationConfig) -> StationConfig:
@@ -59,7 +53,7 @@ def read_station(path: Path | str, usual: StationConfig) -> StationConfig:
     given = read_yaml(path, WHAT)
     with interpreting(path, WHAT):
         require_keys(given, str(path), SECTIONS)
-        contact = require_keys(given.get("contact", {}), "contact", _CONTACT)
+        contact = require_keys(given.get("contact", {}), "contact", PHYSICS)
         return replace(
             usual,
             layout=_layout(given, usual.layout, path.parent),
@@ -85,7 +79,7 @@ def station_to_yaml(config: StationConfig) -> str:
         "hook": {"X_WK": _listed(layout.X_WK), **asdict(layout.hook)},
         "home": _listed(layout.q_home),
         "depth_noise": config.depth_noise,
-        "contact": {key: _plain(getattr(config, key)) for key in _CONTACT},
+        "contact": {key: _plain(value) for key, value in config.physics().items()},
     }
     if layout.bin is not None:
         content["bin"] = {key: _plain(value) for key, value in asdict(layout.bin).items()}

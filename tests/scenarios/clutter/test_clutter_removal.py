@@ -25,6 +25,8 @@ from split_drake.experiments.run import AnotherRunError, NoResultsError
 from split_drake.objects.files.folder import ObjectFolder
 from split_drake.pose_task import UPRIGHT, UnknownTaskError
 from split_drake.scene import Workspace
+from split_drake.station.config import StationConfig
+from split_drake.station.layout import Layout
 from tests.helpers.checkpoints import save_new_network
 from tests.scenarios.clutter.test_records import of_round
 
@@ -61,6 +63,8 @@ def test_a_run_is_told_by_its_weights_and_objects(tmp_path: Path) -> None:
     assert config["objects_sha256"] == object_source("procedural", tmp_path).sha256()
     assert "checkpoint_sha256" not in run_config(ORACLE)
     assert config["objects_sha256"] != run_config(ORACLE)["objects_sha256"]
+    assert config["physics"] == StationConfig(Layout()).physics()
+    assert config["physics"]["near_rigid_threshold"] == 0.1
 
 
 def test_only_what_is_asked_for_is_reported() -> None:

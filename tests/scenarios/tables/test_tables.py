@@ -1,7 +1,7 @@
 """Cells, comparisons and what is shown of them."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -136,6 +136,12 @@ def test_runs_in_other_conditions_are_no_table(tmp_path: Path) -> None:
     require_comparable([])
     keep(tmp_path / "others", "split", 0.8)
     keep(tmp_path / "others", "oracle", 0.8, {"objects_sha256": "def"})
+    physics = {"friction": 0.8, "near_rigid_threshold": 0.1}
+    keep(tmp_path / "softer", "split", 0.8, {"physics": {**physics, "near_rigid_threshold": 1.0}})
+    keep(tmp_path / "softer", "oracle", 0.8, {"physics": physics})
+    told = "oracle-packed has physics {'near_rigid_threshold': 0.1}, split-packed has {'near_rigid"
+    with pytest.raises(BadInputError, match=told):
+        made_table(options(tmp_path / "softer"), table_rows())
     with pytest.raises(BadInputError, match="oracle-packed has objects_sha256 'def', "):
         made_table(options(tmp_path / "others"), table_rows())
     with pytest.raises(BadInputError, match="holds no runs; --quick or --whole make them"):
@@ -260,16 +266,19 @@ def test_cells_that_were_kept_whole_are_not_run_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     ran: list[tuple[str, str]] = []
+    physics = {"friction": 0.8}
     monkeypatch.setattr(
         paper_tables.clutter_removal,
         "main",
         lambda asked: ran.append((asked.detector, asked.scene)),
     )
     monkeypatch.setattr(
-        paper_tables.clutter_removal, "run_config", lambda asked: {"objects_sha256": asked.objects}
+        paper_tables.clutter_removal,
+        "run_config",
+        lambda asked: {**asdict(asked), "objects_sha256": asked.objects, "physics": physics},
     )
     run, kept = tmp_path / "run", tmp_path / "kept"
-    keep(run, "split", 0.8, {"objects_sha256": "procedural"})
+    keep(run, "split", 0.8, {"objects_sha256": "procedural", "physics": physics})
     rows = chosen_rows(("split",), None)
     table = made_table(options(run), rows)
     keep_cells(list(table.cells.values()), kept)
@@ -285,6 +294,11 @@ def test_cells_that_were_kept_whole_are_not_run_again(
     assert "of other weights than" in capsys.readouterr().out
     paper_tables.main(replace(asked, objects="procedural-train"))
     assert len(ran) == 2, "other objects were asked for"
+    ran.clear()
+    physics["friction"] = 0.7
+    paper_tables.main(asked)
+    assert len(ran) == 2, "the physics have changed"
+    physics["friction"] = 0.8
     ran.clear()
     with pytest.raises(BadInputError, match="holds no runs"):
         paper_tables.main(replace(asked, first_seed=77))
