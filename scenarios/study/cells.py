@@ -10,7 +10,9 @@ from split_drake.poses import make_pose, rotation_x
 from split_drake.station.config import ContactApproximation, ContactModel, StationConfig
 from split_drake.station.layout import HookShape, Layout
 
-Factor = Literal["time step", "contact", "friction", "mass", "peg radius", "peg tilt"]
+Factor = Literal[
+    "time step", "contact", "near-rigid", "friction", "mass", "peg radius", "peg tilt"
+]
 FACTORS: tuple[Factor, ...] = get_args(Factor)
 
 TIME_STEPS_S = (0.0005, 0.001, 0.002, 0.005)
@@ -21,6 +23,8 @@ CONTACTS: tuple[tuple[str, ContactModel, ContactApproximation], ...] = (
     ("hydroelastic, similar", "hydroelastic_with_fallback", "similar"),
     ("hydroelastic, lagged", "hydroelastic_with_fallback", "lagged"),
 )
+# Drake's usual threshold, and none.
+NEAR_RIGID = (1.0, 1e-6)
 FRICTIONS = (0.4, 0.6, 1.0)
 MASSES_KG = (0.15, 0.30, 0.50)
 PEG_RADII_M = (0.004, 0.008)
@@ -65,6 +69,9 @@ def _hold_cells(default: StationConfig) -> Iterator[Cell]:
     for name, model, approximation in CONTACTS:
         station = replace(default, contact_model=model, contact_approximation=approximation)
         yield Cell("hold", "contact", name, station)
+    for threshold in NEAR_RIGID:
+        station = replace(default, near_rigid_threshold=threshold)
+        yield Cell("hold", "near-rigid", f"{threshold:g}", station)
     for friction in FRICTIONS:
         yield Cell("hold", "friction", f"{friction:g}", replace(default, friction=friction))
 

@@ -40,6 +40,7 @@ def test_cells_differ_from_the_default_in_one_thing() -> None:
         expected = {
             "time step": {"time_step_s"},
             "contact": {"contact_model", "contact_approximation"},
+            "near-rigid": {"near_rigid_threshold"},
             "friction": {"friction"},
         }
         assert changed <= expected.get(cell.factor or "", set()), cell.name
