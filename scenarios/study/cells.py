@@ -10,9 +10,7 @@ from split_drake.poses import make_pose, rotation_x
 from split_drake.station.config import ContactApproximation, ContactModel, StationConfig
 from split_drake.station.layout import HookShape, Layout
 
-Factor = Literal[
-    "time step", "contact", "near-rigid", "friction", "mass", "peg radius", "peg tilt"
-]
+Factor = Literal["time step", "contact", "near-rigid", "friction", "mass", "peg radius", "peg tilt"]
 FACTORS: tuple[Factor, ...] = get_args(Factor)
 
 TIME_STEPS_S = (0.0005, 0.001, 0.002, 0.005)

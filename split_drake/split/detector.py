@@ -23,7 +23,8 @@ from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.close_up.choice import worth_a_look
 from split_drake.split.close_up.images import shown_by
-from split_drake.split.inference import ScenePredictor
+from split_drake.split.inference.encoder import InferenceEncoder
+from split_drake.split.inference.scene import ScenePredictor
 from split_drake.split.network import SplitNetwork
 from split_drake.split.sampling import (
     Integrator,
@@ -123,6 +124,7 @@ class SplitDetector:
     ) -> None:
         network.config.require_cube_of(workspace)
         self._network = network.eval()
+        self._encoder = InferenceEncoder(network.encoder, network.config.resolution)
         self.tasks = network.tasks
         self.workspace = workspace
         self.config = config or SamplerConfig()
@@ -206,7 +208,7 @@ class SplitDetector:
         network, edge_m = self._network, self._network.config.edge_m
         generator = torch.Generator(network.device)
         generator.manual_seed(int(rng.integers(2**63)))
-        predictor = ScenePredictor(network, torch.tensor(scene.grid()), known)
+        predictor = ScenePredictor(network, torch.tensor(scene.grid()), known, self._encoder)
         process = ReverseDiffusion(
             predictor.score,
             network.config.noise,

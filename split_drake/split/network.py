@@ -6,7 +6,7 @@ Everything here is relative to the corner V of the workspace, so that the worksp
 anywhere: poses are X_VP, the table is at `SplitConfig.table_m` along z.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import torch
@@ -30,33 +30,6 @@ class ConvLayer(nn.Sequential):
             nn.BatchNorm3d(outputs),
             nn.ReLU(),
         )
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Return (B, outputs, n/stride, ...) for `x` (B, inputs, n, n, n).
-
-        Of a single scene PyTorch convolves in 3D by its own code, which takes two to six times as
-        long as oneDNN's; so that is asked for where no gradient is wanted.
-        """
-        convolution, norm, relu = self
-        if len(x) == 1 and not torch.is_grad_enabled() and _by_onednn(x):
-            y = torch.ops.aten.mkldnn_convolution(
-                x,
-                convolution.weight,
-                None,
-                convolution.padding,
-                convolution.stride,
-                convolution.dilation,
-                convolution.groups,
-            )
-        else:
-            y = convolution(x)
-        return relu(norm(y))
-
-
-def _by_onednn(x: Tensor) -> bool:
-    """Return whether oneDNN convolves tensors like `x`."""
-    is_float = x.dtype == torch.float32 and not torch.is_autocast_enabled(x.device.type)
-    return x.device.type == "cpu" and is_float and torch.backends.mkldnn.is_available()
 
 
 class ConvBlock(nn.Module):
@@ -220,14 +193,19 @@ class SplitNetwork(nn.Module):
         """Where the parameters are."""
         return self.kernel.device
 
-    def encode(self, occupied: Tensor) -> FeatureTables:
-        """Return features of scenes given by their occupancy (B, r, r, r), indexed [x, y, z]."""
+    def encode(
+        self, occupied: Tensor, encoder: Callable[[Tensor], list[Tensor]] | None = None
+    ) -> FeatureTables:
+        """Return features of scenes given by their occupancy (B, r, r, r), indexed [x, y, z].
+
+        `encoder` takes the place of the network's own.
+        """
         config = self.config
         voxel_m = config.edge_m / config.resolution
         heights_m = (torch.arange(config.resolution, device=occupied.device) + 0.5) * voxel_m
         below = (heights_m < config.table_m).expand(occupied.shape)
-        x = torch.stack([occupied, below], 1).float()
-        grids = self.encoder(x.contiguous(memory_format=torch.channels_last_3d))
+        x = torch.stack([occupied, below], -1).float()  # PyTorch's "channels last"
+        grids = (encoder or self.encoder)(x.permute(0, 4, 1, 2, 3))
         if self.latent is not None:
             chosen = [self.latent(grids[-1])[:, :, None, None, None]]
         else:

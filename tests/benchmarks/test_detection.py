@@ -13,7 +13,8 @@ from split_drake.pose_task import GRASP, MUG_TASKS
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.detector import CLUTTER_SAMPLER, SamplerConfig, SplitDetector
-from split_drake.split.inference import ScenePredictor
+from split_drake.split.inference.encoder import InferenceEncoder
+from split_drake.split.inference.scene import ScenePredictor
 from split_drake.split.network import SplitNetwork
 from split_drake.split.se3 import compose, uniform_rotations
 
@@ -51,7 +52,9 @@ def poses() -> torch.Tensor:
 
 
 def test_encoder(measure: Measure, network: SplitNetwork, occupied: torch.Tensor) -> None:
-    measure(lambda: network.encode(occupied[None]))
+    encoder = InferenceEncoder(network.encoder, network.config.resolution)
+    with torch.inference_mode():
+        measure(lambda: network.encode(occupied[None], encoder))
 
 
 def test_one_score_evaluation(

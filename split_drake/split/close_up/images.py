@@ -147,7 +147,9 @@ def close_ups(
         (~shown).float(),
         heights_m / HEIGHT_M,
     )
-    return torch.stack(channels, 1).clamp_(-1.0, 1.0).view(-1, CHANNELS, *config.cells)
+    # In PyTorch's "channels last", as the network's convolutions want them.
+    cells = torch.stack(channels, -1).clamp_(-1.0, 1.0).view(-1, *config.cells, CHANNELS)
+    return cells.permute(0, 4, 1, 2, 3)
 
 
 def shown_by(

@@ -8,7 +8,8 @@ from torch import Tensor
 
 from split_drake.pose_task import MUG_TASKS, UPRIGHT, PoseTask, Symmetry
 from split_drake.split.checkpoint import default_weights, load_checkpoint
-from split_drake.split.inference import ScenePredictor
+from split_drake.split.inference.encoder import InferenceEncoder
+from split_drake.split.inference.scene import ScenePredictor
 from split_drake.split.network import SplitNetwork
 from split_drake.split.network_config import SplitConfig
 from split_drake.split.se3 import compose, uniform_rotations
@@ -100,3 +101,24 @@ def test_predictions_do_not_depend_on_how_many_there_are(samples: int) -> None:
 
 def test_predictions_of_the_shipped_weights_are_those_of_the_network() -> None:
     assert_like_the_network(load_checkpoint(default_weights())[0], MUG_TASKS)
+
+
+@pytest.mark.parametrize("by_onednn", [True, False])
+def test_grids_are_those_of_the_encoder(by_onednn: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.backends.mkldnn, "is_available", lambda: by_onednn)
+    network = load_checkpoint(default_weights())[0].eval()
+    encoder = InferenceEncoder(network.encoder, network.config.resolution)
+    with torch.inference_mode():
+        expected = network.encode(occupied_grid()[None]).tables
+        found = network.encode(occupied_grid()[None], encoder).tables
+    for grid, of_network in zip(found, expected, strict=True):
+        torch.testing.assert_close(grid, of_network, rtol=1e-4, atol=1e-4)
+
+
+def test_what_is_made_ready_leaves_the_network_as_it_was() -> None:
+    network = randomized(SMALL)
+    before = {name: value.clone() for name, value in network.state_dict().items()}
+    InferenceEncoder(network.encoder, 64)
+    assert all(each.requires_grad for each in network.parameters())
+    for name, value in network.state_dict().items():
+        torch.testing.assert_close(value, before[name], rtol=0.0, atol=0.0)

@@ -283,14 +283,3 @@ def test_inner_points_are_of_the_local_context() -> None:
         replace(config, inner_offsets_m=(0.04,), inner_grids=(2,))
     with pytest.raises(ValueError, match="expected none with the global context"):
         replace(config, context="global", inner_offsets_m=(0.04,), inner_grids=(0,))
-
-
-def test_a_single_scene_is_encoded_alike_with_and_without_gradients() -> None:
-    network = load_checkpoint(default_weights())[0].eval()
-    occupied = torch.rand(64, 64, 64, generator=torch.Generator().manual_seed(0)) < 0.01
-    with torch.inference_mode():
-        alone = network.encode(occupied[None])
-    with torch.enable_grad():
-        learning = network.encode(occupied[None])
-    for one, other in zip(alone.tables, learning.tables, strict=True):
-        torch.testing.assert_close(one, other.detach(), rtol=1e-4, atol=1e-4)

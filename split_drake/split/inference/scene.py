@@ -13,6 +13,7 @@ from torch.nn import functional
 
 from split_drake.pose_task import PoseTask
 from split_drake.split.context import CORNERS, FeatureTables, in_pose_axes, pose_numbers
+from split_drake.split.inference.encoder import InferenceEncoder
 from split_drake.split.network import FilmMlp, SplitNetwork
 
 
@@ -192,11 +193,19 @@ class ScenePredictor:
         network: in evaluation mode; its weights must stay as they are.
         occupied: (r, r, r) occupancy of the scene, indexed [x, y, z].
         tasks: T of the network's.
+        encoder: made from the network's, where many scenes are looked at.
     """
 
-    def __init__(self, network: SplitNetwork, occupied: Tensor, tasks: Sequence[PoseTask]) -> None:
+    def __init__(
+        self,
+        network: SplitNetwork,
+        occupied: Tensor,
+        tasks: Sequence[PoseTask],
+        encoder: InferenceEncoder | None = None,
+    ) -> None:
         self._network = network
-        tables = network.encode(occupied[None].to(network.device))
+        encoder = encoder or InferenceEncoder(network.encoder, network.config.resolution)
+        tables = network.encode(occupied[None].to(network.device), encoder)
         self._context = _Context(network, tables)
         self._score_head = _Head(network.score_head, self._context)
         self._evaluator_head = _Head(network.evaluator_head, self._context)
