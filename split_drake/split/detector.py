@@ -23,7 +23,7 @@ from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.close_up.choice import worth_a_look
 from split_drake.split.close_up.images import shown_by
-from split_drake.split.inference.encoder import InferenceEncoder
+from split_drake.split.inference.network import InferenceNetwork
 from split_drake.split.inference.scene import ScenePredictor
 from split_drake.split.network import SplitNetwork
 from split_drake.split.sampling import (
@@ -107,7 +107,7 @@ class SplitDetector:
         config: how samples are drawn and chosen.
 
     Args:
-        network: what it predicts with.
+        network: what it predicts with; its weights must stay as they are.
         workspace: that it was trained on.
         config: how samples are drawn and chosen.
         integrator: how they move, in place of the Langevin dynamics of `config`.
@@ -117,15 +117,16 @@ class SplitDetector:
 
     def __init__(
         self,
-        network: SplitNetwork,
+        network: SplitNetwork | InferenceNetwork,
         workspace: Workspace,
         config: SamplerConfig | None = None,
         integrator: Integrator | None = None,
     ) -> None:
-        network.config.require_cube_of(workspace)
-        self._network = network.eval()
-        self._encoder = InferenceEncoder(network.encoder, network.config.resolution)
-        self.tasks = network.tasks
+        if isinstance(network, SplitNetwork):
+            network = InferenceNetwork(network.eval())
+        self._ready, self._network = network, network.network
+        self._network.config.require_cube_of(workspace)
+        self.tasks = self._network.tasks
         self.workspace = workspace
         self.config = config or SamplerConfig()
         langevin = partial(annealed_langevin, config=self.config.langevin)
@@ -171,7 +172,7 @@ class SplitDetector:
             close_ups=self.config.close_ups,
             langevin=langevin,
         )
-        return SplitDetector(self._network, self.workspace, config)
+        return SplitDetector(self._ready, self.workspace, config)
 
     def detect(
         self, scene: Scene, tasks: Sequence[PoseTask | str], rng: np.random.Generator
@@ -208,7 +209,7 @@ class SplitDetector:
         network, edge_m = self._network, self._network.config.edge_m
         generator = torch.Generator(network.device)
         generator.manual_seed(int(rng.integers(2**63)))
-        predictor = ScenePredictor(network, torch.tensor(scene.grid()), known, self._encoder)
+        predictor = ScenePredictor(self._ready, torch.tensor(scene.grid()), known)
         process = ReverseDiffusion(
             predictor.score,
             network.config.noise,

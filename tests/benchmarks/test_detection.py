@@ -13,7 +13,7 @@ from split_drake.pose_task import GRASP, MUG_TASKS
 from split_drake.scene import Scene, Workspace
 from split_drake.split.checkpoint import default_weights, load_checkpoint
 from split_drake.split.detector import CLUTTER_SAMPLER, SamplerConfig, SplitDetector
-from split_drake.split.inference.encoder import InferenceEncoder
+from split_drake.split.inference.network import InferenceEncoder, InferenceNetwork
 from split_drake.split.inference.scene import ScenePredictor
 from split_drake.split.network import SplitNetwork
 from split_drake.split.se3 import compose, uniform_rotations
@@ -61,7 +61,7 @@ def test_one_score_evaluation(
     measure: Measure, network: SplitNetwork, occupied: torch.Tensor, poses: torch.Tensor
 ) -> None:
     with torch.inference_mode():
-        predictor = ScenePredictor(network, occupied, MUG_TASKS)
+        predictor = ScenePredictor(InferenceNetwork(network), occupied, MUG_TASKS)
     measure(lambda: predictor.score(poses, 0.3))
 
 

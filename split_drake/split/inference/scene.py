@@ -4,7 +4,6 @@
 poses, up to rounding, in less than half the time on a CPU.
 """
 
-import math
 from collections.abc import Sequence
 
 import torch
@@ -13,8 +12,9 @@ from torch.nn import functional
 
 from split_drake.pose_task import PoseTask
 from split_drake.split.context import CORNERS, FeatureTables, in_pose_axes, pose_numbers
-from split_drake.split.inference.encoder import InferenceEncoder
-from split_drake.split.network import FilmMlp, SplitNetwork
+from split_drake.split.inference.layers import ReadyLinear
+from split_drake.split.inference.network import InferenceHead, InferenceNetwork
+from split_drake.split.network import SplitNetwork
 
 
 class _LookedUp:
@@ -77,23 +77,6 @@ class _Folded:
     def weights(self, columns: Tensor) -> Tensor:
         """Return weights (..., n^3) of a linear layer, given those (..., C) for channels."""
         return columns @ self._table.T
-
-
-# On one thread PyTorch hands 1x1 convolutions to oneDNN from so many images on.
-_IMAGES = 16
-
-
-def _linear(x: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
-    """Return `x` (N, inputs) through a linear layer, (N, outputs).
-
-    On the CPU as a convolution of 1x1: oneDNN, which does those, has AVX-512 for every CPU with it,
-    MKL behind PyTorch's linear layers only for Intel's; on an AMD EPYC that is twice as fast.
-    """
-    if x.device.type != "cpu" or len(x) % _IMAGES:
-        return functional.linear(x, weight, bias)
-    pixels = x.view(_IMAGES, -1, 1, x.shape[1]).permute(0, 3, 1, 2)  # "channels last": no copy
-    outputs = functional.conv2d(pixels, weight[:, :, None, None], bias)
-    return outputs.permute(0, 2, 3, 1).reshape(len(x), -1)
 
 
 class _Context:
@@ -160,76 +143,58 @@ class _Context:
         return self._folded[number].features(points).reshape(len(p_VQs), -1)
 
 
-class _Head:
-    """A `FilmMlp` whose first layer is for the features of a context, and numbers of the pose."""
-
-    def __init__(self, mlp: FilmMlp, context: _Context) -> None:
-        self._mlp = mlp
-        of_points, of_pose = mlp.input.weight.tensor_split([context.width], 1)
-        self._weights = [torch.cat([*context.weights(of_points), of_pose], 1)]
-        self._weights += [layer.get_parameter("weight") for layer in mlp.hidden]
-        self._biases = [layer.get_parameter("bias") for layer in (mlp.input, *mlp.hidden)]
-
-    def __call__(self, x: Tensor, condition: Tensor) -> Tensor:
-        """Return what `FilmMlp.forward` does, for features (G * N, F) and conditions (G, ...)."""
-        mlp, groups = self._mlp, len(condition)
-        film = mlp.film(condition).view(groups, -1, 2, 1, mlp.width)
-        scale, shift = film[:, :, 0] + 1.0, film[:, :, 1]
-
-        def layer(i: int, x: Tensor) -> Tensor:
-            y = _linear(x, self._weights[i], self._biases[i]).reshape(groups, -1, mlp.width)
-            return functional.silu(torch.addcmul(shift[:, i], y, scale[:, i]), inplace=True)
-
-        h = layer(0, x)
-        for i, norm in enumerate(mlp.norms, start=1):
-            h += layer(i, norm(h).flatten(0, 1))
-        return mlp.output(h)
-
-
 class ScenePredictor:
     """What SPLIT predicts for poses of one scene and some tasks; for inference only.
 
     Args:
-        network: in evaluation mode; its weights must stay as they are.
+        network: made ready.
         occupied: (r, r, r) occupancy of the scene, indexed [x, y, z].
         tasks: T of the network's.
-        encoder: made from the network's, where many scenes are looked at.
     """
 
     def __init__(
-        self,
-        network: SplitNetwork,
-        occupied: Tensor,
-        tasks: Sequence[PoseTask],
-        encoder: InferenceEncoder | None = None,
+        self, network: InferenceNetwork, occupied: Tensor, tasks: Sequence[PoseTask]
     ) -> None:
-        self._network = network
-        encoder = encoder or InferenceEncoder(network.encoder, network.config.resolution)
-        tables = network.encode(occupied[None].to(network.device), encoder)
-        self._context = _Context(network, tables)
-        self._score_head = _Head(network.score_head, self._context)
-        self._evaluator_head = _Head(network.evaluator_head, self._context)
-        indices = torch.tensor([network.tasks.index(task) for task in tasks], device=network.device)
-        self._one_hot = functional.one_hot(indices, len(network.tasks)).float()
+        self._network, self._split = network, network.network
+        tables = self._split.encode(occupied[None].to(self._split.device), network.encoder)
+        self._context = _Context(self._split, tables)
+        heads = (network.score_head, network.evaluator_head)
+        self._score_layer, self._evaluator_layer = (self._first_layer(head) for head in heads)
+        self._tasks = [self._split.tasks.index(task) for task in tasks]
 
     def score(self, X_VPs: Tensor, sigma: float) -> Tensor:
         """Return sigma * score (T, N, 6) of poses (T, N, 4, 4), in their frames."""
-        network = self._network
-        angle = (network.frequencies * math.log(sigma)).expand(len(self._one_hot), -1)
-        condition = torch.cat([self._one_hot, angle.sin(), angle.cos()], -1)
-        score = self._score_head(self._features(X_VPs), network.score_condition(condition))
-        if network.config.score_frame == "global":
+        first = self._score_layer(self._features(X_VPs)).view(*X_VPs.shape[:2], -1)
+        head = self._network.score_head
+        score = torch.stack(
+            [
+                head.outputs(each, self._network.score_layers(task, sigma))
+                for each, task in zip(first, self._tasks, strict=True)
+            ]
+        )
+        if self._split.config.score_frame == "global":
             return in_pose_axes(score, X_VPs[..., :3, :3])
         return score
 
     def evaluate(self, X_VPs: Tensor) -> Tensor:
         """Return logits (T, N) that poses (T, N, 4, 4) are right."""
-        condition = self._network.evaluator_condition(self._one_hot)
-        return self._evaluator_head(self._features(X_VPs), condition)[..., 0]
+        first = self._evaluator_layer(self._features(X_VPs)).view(*X_VPs.shape[:2], -1)
+        head = self._network.evaluator_head
+        logits = [
+            head.outputs(each, self._network.evaluator_layers(task))[:, 0]
+            for each, task in zip(first, self._tasks, strict=True)
+        ]
+        return torch.stack(logits)
+
+    def _first_layer(self, head: InferenceHead) -> ReadyLinear:
+        """Return a head's first layer, for what `_features` returns."""
+        weight, bias = head.first
+        of_points, of_pose = weight.tensor_split([self._context.width], 1)
+        return ReadyLinear(torch.cat([*self._context.weights(of_points), of_pose], 1), bias)
 
     def _features(self, X_VPs: Tensor) -> Tensor:
         """Return what the heads' first layers see, (T * N, F), of poses (T, N, 4, 4)."""
-        config, X_VPs = self._network.config, X_VPs.flatten(0, 1)
+        config, X_VPs = self._split.config, X_VPs.flatten(0, 1)
         parts = self._context.features(X_VPs)
         if config.pose_width:
             parts.append(pose_numbers(X_VPs, config.edge_m)[:, -config.pose_width :])

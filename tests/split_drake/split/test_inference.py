@@ -8,7 +8,7 @@ from torch import Tensor
 
 from split_drake.pose_task import MUG_TASKS, UPRIGHT, PoseTask, Symmetry
 from split_drake.split.checkpoint import default_weights, load_checkpoint
-from split_drake.split.inference.encoder import InferenceEncoder
+from split_drake.split.inference.network import InferenceEncoder, InferenceNetwork
 from split_drake.split.inference.scene import ScenePredictor
 from split_drake.split.network import SplitNetwork
 from split_drake.split.network_config import SplitConfig
@@ -68,7 +68,7 @@ def assert_like_the_network(
         tables = network.encode(occupied[None])
         context = network.local_context(tables, X_VPs.flatten(0, 1)[None])
         context = context.view(len(tasks), samples, -1)
-        predictor = ScenePredictor(network, occupied, tasks)
+        predictor = ScenePredictor(InferenceNetwork(network), occupied, tasks)
         for sigma in (0.03, 0.4, 1.5):
             expected = network.score(context, indices, torch.full((len(tasks),), sigma))
             torch.testing.assert_close(
