@@ -168,7 +168,8 @@ class TrainingRun:
         self._trained = [task.name for task in config.batch.trained(self._tasks)]
         device = config.torch_device()
         require_divisible(config.batch.scenes, config.workers, device)
-        self._bfloat16 = uses_bfloat16(config.precision, device)
+        begun = self._folder.options().get("bfloat16") if config.precision == "auto" else None
+        self._bfloat16 = uses_bfloat16(config.precision, device) if begun is None else begun
         scenes = TrainingScenes.of(dataset, self._tasks, device)
         if config.workers > 1:
             scenes.share()

@@ -87,10 +87,13 @@ class TrainingFolder:
         kept = [json.dumps(line) + "\n" for line in self.read_curves() if line["step"] <= step]
         write_atomically(self.curves, "".join(kept))
 
+    def options(self) -> dict[str, Any]:
+        """Return the options of the run that was begun here; none where none was."""
+        return read_json_object(self.config, "the options of a run") if self.config.exists() else {}
+
     def _require_same(self, options: dict[str, Any]) -> None:
         """Exit where a resumed run would not be the same."""
-        before = read_json_object(self.config, "the options of a run")
         try:
-            require_same(self.path, before, options, _MAY_CHANGE)
+            require_same(self.path, self.options(), options, _MAY_CHANGE)
         except AnotherRunError as error:
             raise SystemExit(str(error)) from error

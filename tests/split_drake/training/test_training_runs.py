@@ -302,3 +302,17 @@ def test_tasks_that_curves_have_no_room_for_are_refused(
     )
     with pytest.raises(SystemExit, match="a task is called 'step'"):
         train(options)
+
+
+def test_a_run_goes_on_in_the_type_that_it_began_in(
+    options: TrainConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for faster, steps in ((False, 10), (True, 20)):
+        monkeypatch.setattr(
+            "split_drake.training.train.uses_bfloat16", lambda *_, faster=faster: faster
+        )
+        train(replace(options, steps=steps, resume=steps > 10))
+    assert [line["step"] for line in curves_of(options)] == [10, 20]
+    assert TrainingFolder(options.out).options()["bfloat16"] is False
+    with pytest.raises(SystemExit, match=r"precision was 'auto', is 'bfloat16'"):
+        train(replace(options, precision="bfloat16", resume=True))
