@@ -20,9 +20,11 @@ from split_drake.split.network import SplitNetwork
 class _LookedUp:
     """Grids whose features are interpolated at points: all in one go, as many small steps.
 
+    Numbers of points are innermost while they are worked out, so that steps run along memory.
+
     Args:
         tables: of one scene.
-        numbers: of the grids.
+        numbers: of G grids.
         points: how many of a pose's points, the first ones, each grid is looked up at.
     """
 
@@ -35,23 +37,28 @@ class _LookedUp:
         self._edge_m = tables.edge_m
         device = self._tables[0].device
         sizes = torch.tensor([tables.sizes[number] for number in numbers], device=device)
-        self._sizes = sizes.to(self._tables[0])[:, None, None, None]
-        self._strides = torch.stack([sizes**2, sizes, torch.ones_like(sizes)], -1)[:, None, None]
+        strides = torch.stack([sizes**2, sizes, torch.ones_like(sizes)])  # (3, G)
         corners = torch.tensor(CORNERS, device=device)
-        self._steps = (corners * self._strides[:, :, 0, None]).sum(-1)[:, None]
+        self._sizes = sizes.to(self._tables[0])[:, None]
+        self._strides = strides[:, :, None]
+        self._steps = (corners[..., None] * strides).sum(1)[:, :, None]  # (8, G, 1)
 
     def features(self, p_VQs: Tensor) -> list[Tensor]:
         """Return each grid's features (N, K' * C) at the first K' of points (N, K, 3) in V."""
-        cells = p_VQs / self._edge_m * self._sizes - 0.5
-        cells = torch.minimum(cells.clamp_(min=0.0), self._sizes - 1.0)
+        p = p_VQs.reshape(-1, 3).T[:, None]
+        cells = (p * (self._sizes / self._edge_m) - 0.5).clamp_(min=0.0)  # (3, G, N * K)
+        cells = torch.minimum(cells, self._sizes - 1.0)
         low = torch.minimum(cells.floor(), self._sizes - 2.0)
         high_share = cells - low
-        x, y, z = torch.stack([1.0 - high_share, high_share], -1).unbind(3)
-        weights = (x[..., :, None, None] * y[..., None, :, None] * z[..., None, None, :]).flatten(3)
-        rows = (low.long() * self._strides).sum(-1, keepdim=True) + self._steps
+        x, y, z = torch.stack([1.0 - high_share, high_share], 1)  # each (2, G, N * K)
+        weights = (x[:, None, None] * y[:, None] * z).flatten(0, 2)  # (8, G, N * K)
+        rows = (low.long() * self._strides).sum(0) + self._steps
         found = []
-        for r, w, table, points in zip(rows, weights, self._tables, self._points, strict=True):
-            r, w = r[:, :points].reshape(-1, 8), w[:, :points].reshape(-1, 8)
+        for number, (table, points) in enumerate(zip(self._tables, self._points, strict=True)):
+            r, w = (
+                each[:, number].T.reshape(*p_VQs.shape[:2], -1)[:, :points].reshape(-1, 8)
+                for each in (rows, weights)
+            )
             features = functional.embedding_bag(r, table, per_sample_weights=w, mode="sum")
             found.append(features.reshape(len(p_VQs), -1))
         return found
