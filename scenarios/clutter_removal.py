@@ -57,10 +57,10 @@ class ClutterOptions:
         rounds: of each seed.
         seeds: how many seeds there are, from `first_seed` on.
         first_seed: of them.
-        detector: the method that finds grasps: split, split_once (without a second look), split_8
-            (that, and eight network evaluations in place of four), oracle (the true ones of what
-            lies there), vgn, giga, se3dif (of the whole scene) or se3dif_segments; each is a file
-            in scenarios/clutter/detectors.
+        detector: the method that finds grasps: split, split_16 (sixteen network evaluations in
+            place of four), split_once (without a second look), split_8 (that, and eight
+            evaluations), oracle (the true ones of what lies there), vgn, giga, se3dif (of the whole
+            scene) or se3dif_segments; each is a file in scenarios/clutter/detectors.
         checkpoint: its parameters: of split such as models/weights/split_clutter.safetensors, of
             the others weights of split_drake.baselines.learning.train; of vgn and giga the state
             dictionary that their authors published will do, too.

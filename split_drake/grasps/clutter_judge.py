@@ -19,8 +19,8 @@ from split_drake.robot.open_hand import OPEN_HAND, lowest_heights
 CONE_RAD = 0.45
 # Of grasps from above on single objects, 192 of 201 with this quality held in the hand's station.
 LEAST_QUALITY = 0.3
-# The protocol counts a grasp whose pads end within 8 mm as failed.  What they hold turns and
-# gives way: of the failures of weights trained on 9 mm, 60% had closed further than the 8 mm.
+# The protocol counts a grasp whose pads end within 8 mm as failed.  What they hold turns, and gave
+# way while contact was softer: of the failures of weights trained on 9 mm, 60% had closed too far.
 LEAST_WIDTH_M = 0.0105
 # The hand starts so far back.
 PREGRASP_M = 0.05

@@ -49,7 +49,8 @@ def test_the_workspace_is_the_one_that_the_model_was_trained_on(tmp_path: Path) 
     save_new_network(path, workspace)
     options = ClutterOptions("pile", 1, 1, checkpoint=path)
     assert layout_of(options).workspace == workspace
-    assert layout_of(replace(options, detector="split_8")).workspace == workspace
+    for detector in ("split_8", "split_16", "split_once"):
+        assert layout_of(replace(options, detector=detector)).workspace == workspace
     (spec,) = missing_rounds(options, tmp_path, ())
     assert (spec.layout.workspace, spec.checkpoint) == (workspace, path)
     assert layout_of(ORACLE).workspace == Workspace()

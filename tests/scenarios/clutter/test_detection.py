@@ -14,7 +14,7 @@ from scenarios.clutter.detection import (
     ranked,
 )
 from scenarios.clutter.detectors import oracle as oracle_file
-from scenarios.clutter.detectors import split
+from scenarios.clutter.detectors import split, split_8, split_16, split_once
 from scenarios.clutter.detectors.oracle import TrueGrasps
 from scenarios.clutter.observation import observe, side_camera
 from split_drake.baselines.published import PublishedWeightsError
@@ -178,3 +178,12 @@ def test_a_checkpoint_of_no_use_is_told_before_the_first_round(tmp_path: Path) -
     with pytest.raises(PublishedWeightsError, match=r"weights.pt is no PyTorch state dictionary"):
         clutter_detector("giga", plain).check(plain)
     clutter_detector("oracle", None).check(None)
+
+
+def test_variants_of_split_differ_in_evaluations_and_looks(tmp_path: Path) -> None:
+    path = tmp_path / "new.safetensors"
+    save_new_network(path)
+    configs = [each.load(path).config for each in (split, split_16, split_once, split_8)]
+    assert [each.langevin.evaluations for each in configs] == [4, 16, 4, 8]
+    assert [each.close_ups for each in configs] == [24, 24, 0, 0]
+    assert len({each.acceptance.least for each in configs}) == 1

@@ -1,0 +1,24 @@
+"""SPLIT with sixteen evaluations of its score: the long sampler, and both looks."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scenarios.clutter.detection import with_parameters
+from scenarios.clutter.detectors.split import workspace
+
+if TYPE_CHECKING:  # PyTorch is imported by those who need it
+    from split_drake.split.detector import SplitDetector
+
+
+def load(checkpoint: Path) -> "SplitDetector":
+    """Return SPLIT with the weights of a checkpoint, and the long sampler."""
+    from split_drake.split.detector import EIGHT_EVALUATIONS, SIXTEEN_EVALUATIONS, SplitDetector
+
+    accepting = replace(SIXTEEN_EVALUATIONS, acceptance=EIGHT_EVALUATIONS.acceptance)
+    return SplitDetector.from_checkpoint(checkpoint, accepting)
+
+
+DETECTOR = with_parameters(
+    "split_16", "weights such as models/weights/split_clutter.safetensors", load, workspace
+)
