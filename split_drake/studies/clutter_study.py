@@ -68,6 +68,7 @@ class ClutterStudyConfig:
         out: folder to write to.
         scenes: that every sampler meets.
         seed: of the scenes and all draws.
+        samplers: names of those to measure, such as langevin_016; all where none is named.
     """
 
     checkpoint: Path
@@ -75,11 +76,16 @@ class ClutterStudyConfig:
     out: Path
     scenes: int = 100
     seed: int = 0
+    samplers: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         require_numbers(self)
         if self.scenes < 1:
             raise ValueError(f"--scenes is {self.scenes}; expected 1 or more")
+        known = [each.name for each in samplers()]
+        for name in self.samplers:
+            if name not in known:
+                raise ValueError(f"--samplers has {name!r}; expected some of {', '.join(known)}")
 
     def record(self) -> dict[str, Any]:
         """Return what the figures depend on."""
@@ -173,11 +179,13 @@ def measured(detector: SplitDetector, scenes: Sequence[StudyScene]) -> Row:
     return {**means, "sample_s": median(seconds)}
 
 
-def missing(rows: Sequence[Row]) -> Iterator[Sampler]:
-    """Yield the samplers that have no row yet."""
+def missing(rows: Sequence[Row], names: Sequence[str] = ()) -> Iterator[Sampler]:
+    """Yield the samplers of these names, of all where there are none, that have no row yet."""
     known = [(row["integrator"], row["evaluations"], row["temperature"]) for row in rows]
     for sampler in samplers():
-        if (sampler.integrator, sampler.evaluations, sampler.temperature) not in known:
+        wanted = not names or sampler.name in names
+        measured_as = (sampler.integrator, sampler.evaluations, sampler.temperature)
+        if wanted and measured_as not in known:
             yield sampler
 
 
@@ -219,7 +227,7 @@ def main(config: ClutterStudyConfig) -> None:
     with claim_folder(config.out, config.record()):
         rows: list[Row] = read_json(path, "the rows of a study") if path.exists() else []
         scenes = drawn_scenes(config, Layout(workspace=info.workspace))
-        for sampler in missing(rows):
+        for sampler in missing(rows, config.samplers):
             # Samplers are compared, not second looks; images are without noise here.
             shipped = ONE_LOOK if sampler.integrator == SHORT else EIGHT_EVALUATIONS
             detector = SplitDetector(network, info.workspace, shipped, integrator=sampler.build())

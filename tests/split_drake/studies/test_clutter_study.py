@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -101,6 +102,7 @@ def test_a_study_goes_on_where_it_stopped(
     assert {"samples_good", "best_good", "objects", "sample_s"} <= first[0].keys()
     monkeypatch.setattr(clutter_study, "samplers", lambda: some)
     assert list(missing(first)) == some[1:]
+    assert list(missing([], [some[1].name])) == some[1:2]
     main(config)
     both = json.loads((config.out / "study.json").read_text())
     page = (config.out / "index.html").read_text()
@@ -115,3 +117,8 @@ def test_a_study_goes_on_where_it_stopped(
 def test_impossible_options_are_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="--scenes is 0; expected 1 or more"):
         ClutterStudyConfig(tmp_path, tmp_path, tmp_path, scenes=0)
+
+
+def test_samplers_that_there_are_not_are_refused(config: ClutterStudyConfig) -> None:
+    with pytest.raises(ValueError, match=r"--samplers has 'euler_004'; expected some of langevin"):
+        replace(config, samplers=("langevin_016", "euler_004"))
