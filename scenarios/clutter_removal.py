@@ -31,6 +31,7 @@ from scenarios.clutter.spec import (
     SceneKind,
     Selection,
     object_source,
+    round_station,
 )
 from split_drake.bad_input import require_numbers
 from split_drake.experiments.command import run_command
@@ -40,7 +41,6 @@ from split_drake.experiments.run import require_results
 from split_drake.experiments.shards import Shard
 from split_drake.objects.meshes.mesh_file import ObjectFileError
 from split_drake.station.cameras.egl import check_rendering
-from split_drake.station.config import StationConfig
 from split_drake.station.layout import Layout
 
 _FREE_KEYS = ("rounds", "seeds", "workers", "scheduler", "record", "limit_s", "out")
@@ -133,7 +133,7 @@ def run_config(options: ClutterOptions) -> dict[str, Any]:
     """Return the content of config.json."""
     config = {**asdict(options), **code_version()}
     config["objects_sha256"] = object_source(options.objects, Path("unused")).sha256()
-    config["physics"] = StationConfig(layout_of(options)).physics()
+    config["physics"] = round_station(Layout()).physics()
     if options.checkpoint is not None:
         config["checkpoint_sha256"] = file_sha256(options.checkpoint)
     return config

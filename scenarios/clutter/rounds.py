@@ -31,13 +31,12 @@ from scenarios.clutter.records import (
     GraspRecord,
     RoundRecord,
 )
-from scenarios.clutter.spec import RoundSpec, draw_start, drawn_objects
+from scenarios.clutter.spec import RoundSpec, draw_start, drawn_objects, round_station
 from scenarios.viewing.recording import FRAMES_PER_SECOND, Recorder, Viewpoint, freeing_recorders
 from split_drake.experiments.pool import WORKER_DIED
 from split_drake.pose_set import PoseSet
 from split_drake.pose_task import GRASP
 from split_drake.scene import EmptySceneError, Scene
-from split_drake.station.config import StationConfig
 from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.station import Station
 from split_drake.truth.removal import wait_for_all_to_rest
@@ -112,14 +111,15 @@ class ClutterRound:
         The start is drawn with the hand, whatever clears the table then.
         """
         spec, objects = self._spec, drawn_objects(self._spec, self._start_rng)
-        with_hand = spec.robot == "hand"
-        station = HandStation(objects, spec.layout, meshcat=self._meshcat if with_hand else None)
+        with_hand, config = spec.robot == "hand", round_station(spec.layout)
+        meshcat = self._meshcat if with_hand else None
+        station = HandStation(objects, spec.layout, config, meshcat)
         start = draw_start(spec, station, self._start_rng)
         self._names = tuple(objects[index].name for index in start.indices)
         if with_hand:
             station.discard_parked()
             return HandClearing(station, side_camera(spec.layout.workspace))
-        config = StationConfig(spec.layout, meshcat_rate_hz=FRAMES_PER_SECOND)
+        config = replace(config, meshcat_rate_hz=FRAMES_PER_SECOND)
         there = [objects[index] for index in start.indices]
         arm = Station(config, there, self._meshcat, bearing=True)
         for index, X_WO in enumerate(start.X_WOs):

@@ -11,6 +11,7 @@ from split_drake.objects.files.folder import ObjectFolder
 from split_drake.objects.procedural.split import ProceduralSource, Split
 from split_drake.objects.rigid import RigidObject
 from split_drake.objects.task_object import ObjectSource
+from split_drake.station.config import StationConfig
 from split_drake.station.hand.hand_station import HandStation
 from split_drake.station.layout import Layout
 from split_drake.truth.clutter_starts import (
@@ -85,6 +86,11 @@ def object_source(objects: str, cache: Path) -> ObjectSource:
     if objects in PROCEDURAL:
         return ProceduralSource(PROCEDURAL[objects])
     return ObjectFolder(Path(objects), cache)
+
+
+def round_station(layout: Layout) -> StationConfig:
+    """Return what the stations of rounds are like, with the hand and with the arm."""
+    return StationConfig(layout)
 
 
 def drawn_objects(spec: RoundSpec, rng: np.random.Generator) -> list[RigidObject]:

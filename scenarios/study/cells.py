@@ -22,7 +22,7 @@ CONTACTS: tuple[tuple[str, ContactModel, ContactApproximation], ...] = (
     ("hydroelastic, lagged", "hydroelastic_with_fallback", "lagged"),
 )
 # Drake's usual threshold, and none.
-NEAR_RIGID = (1.0, 1e-6)
+NEAR_RIGID = (1.0, 0.0)
 FRICTIONS = (0.4, 0.6, 1.0)
 MASSES_KG = (0.15, 0.30, 0.50)
 PEG_RADII_M = (0.004, 0.008)

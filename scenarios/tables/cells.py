@@ -24,8 +24,8 @@ from split_drake.files import (
 KEPT = "rounds.jsonl.gz"
 _WHAT = "the rounds of a cell"
 _OF_A_MACHINE = ("out", "workers", "scheduler", "limit_s", "record", "shard")
-# What has to be the same in all cells of a table, and in those of one kind of scene, so that
-# methods meet the same scenes.
+# What has to be the same in all cells of a table, and in those of one kind of scene: methods meet
+# the same scenes, and their grasps the same physics.
 SAME = ("noise", "fit_table", "select", "robot", "first_seed", "physics")
 SAME_IN_A_COLUMN = ("objects_sha256",)
 

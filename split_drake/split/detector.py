@@ -107,7 +107,8 @@ class SplitDetector:
         config: how samples are drawn and chosen.
 
     Args:
-        network: what it predicts with; its weights must stay as they are.
+        network: what it predicts with.  Weights and device must stay as they are: after a change
+            another detector is to be made.
         workspace: that it was trained on.
         config: how samples are drawn and chosen.
         integrator: how they move, in place of the Langevin dynamics of `config`.

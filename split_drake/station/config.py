@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from typing import Any, Literal, get_args
 
-from split_drake.bad_input import require_numbers
+from split_drake.bad_input import require_number, require_numbers
 from split_drake.depth_noise import DepthNoiseLevel
 from split_drake.station.layout import Layout
 
@@ -25,17 +25,17 @@ class StationConfig:
         dissipation_s_per_m: Hunt-Crossley dissipation of every surface.
         point_stiffness_n_per_m: of the point contact; a tenth of the default lets held mugs slip.
         relaxation_time_s: of SAP's linear dissipation; 0.1 lets held mugs slip.
-        near_rigid_threshold: Drake's `sap_near_rigid_threshold`.  Its default, 1, softens contact
-            that is too stiff for the step, and light things most: pads sank 4 mm into what weighs
-            20 g.
+        near_rigid_threshold: Drake's `sap_near_rigid_threshold`; 0 for none.  Drake's default, 1,
+            softens contact that is too stiff for the step, and light things most: pads sank 4 mm
+            into what weighs 20 g.  With 0.1 they sink as with 0, and SAP keeps a bound.
         pad_modulus_pa: of the pads in hydroelastic contact.
         arm_kp_nm_per_rad, arm_kd_nms_per_rad: implicit PD gains of the seven arm joints.
         finger_kp_n_per_m, finger_kd_ns_per_m: implicit PD gains of each finger.
         meshcat_rate_hz: how often a station with a Meshcat publishes to it.
         depth_noise: how badly its depth cameras err, see `split_drake.depth_noise`.
 
-    Raises ValueError where a number is not positive, a joint's gain is missing, or a contact model
-    is unknown.
+    Raises ValueError where a number is not positive (the threshold may be 0), a joint's gain is
+    missing, or a contact model is unknown.
     """
 
     layout: Layout
@@ -69,6 +69,8 @@ class StationConfig:
             if isinstance(value, tuple):
                 if len(value) != 7 or not min(value) > 0.0:
                     raise ValueError(f"{entry.name} is {value}; expected seven positive numbers")
+            elif entry.name == "near_rigid_threshold":
+                require_number(entry.name, value, 0.0)
             elif isinstance(value, (int, float)) and not value > 0.0:
                 raise ValueError(f"{entry.name} is {value}; expected a positive number")
 

@@ -38,6 +38,7 @@ from split_drake.poses import Array, transform_points
 from split_drake.scene import Scene
 from split_drake.split.checkpoint import load_checkpoint
 from split_drake.split.detector import EIGHT_EVALUATIONS, ONE_LOOK, SplitDetector
+from split_drake.split.inference.network import InferenceNetwork
 from split_drake.station.layout import Layout
 from split_drake.studies.sampler_study import SHIPPED, SHORT, Sampler
 
@@ -224,13 +225,14 @@ def main(config: ClutterStudyConfig) -> None:
     console, path = Console(soft_wrap=True), config.out / "study.json"
     torch.set_num_threads(1)
     network, info = load_checkpoint(config.checkpoint)
+    ready = InferenceNetwork(network.eval())
     with claim_folder(config.out, config.record()):
         rows: list[Row] = read_json(path, "the rows of a study") if path.exists() else []
         scenes = drawn_scenes(config, Layout(workspace=info.workspace))
         for sampler in missing(rows, config.samplers):
             # Samplers are compared, not second looks; images are without noise here.
             shipped = ONE_LOOK if sampler.integrator == SHORT else EIGHT_EVALUATIONS
-            detector = SplitDetector(network, info.workspace, shipped, integrator=sampler.build())
+            detector = SplitDetector(ready, info.workspace, shipped, integrator=sampler.build())
             rows.append({**asdict(sampler), **measured(detector, scenes)})
             write_json(path, rows)
             console.print(table_of(rows[-1:]))

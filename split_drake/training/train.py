@@ -54,7 +54,8 @@ class TrainConfig:
         steps: length of the run in optimiser steps.
         device: "auto" takes CUDA where there is one.
         precision: of matrix products and fine convolutions; "auto" takes bfloat16 where that is
-            faster here: processors that only emulate it take a multiple of the time.
+            faster here: processors that only emulate it take a multiple of the time.  A run that
+            was begun goes on in its type.
         workers: processes that train together on a CPU.  Each draws an equal share of every batch,
             and their gradients are averaged.  They divide the threads that PyTorch would use.
             ``tests/benchmarks/test_training.py`` tells whether that is faster on a machine.  The

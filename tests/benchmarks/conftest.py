@@ -3,6 +3,7 @@
 The peak is what a large float32 matrix product reaches here, on the same threads.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from functools import partial
 from timeit import repeat
@@ -23,12 +24,32 @@ ROWS = pytest.StashKey[list[dict[str, Any]]]()
 Measure = Callable[[Callable[[], Any]], None]
 
 
+def linear_flops(x: Any, weight: Any, *_: Any, out_shape: Any) -> int:
+    """Return the operations of oneDNN's linear layer."""
+    return 2 * math.prod(out_shape) * int(x[-1])
+
+
+def convolution_flops(x: Any, weight: Any, *_: Any, out_shape: Any) -> int:
+    """Return the operations of oneDNN's convolution."""
+    return 2 * math.prod(out_shape) * math.prod(weight[1:])
+
+
+# PyTorch does not count them.
+OF_ONEDNN = {
+    torch.ops.mkldnn._linear_pointwise: linear_flops,
+    torch.ops.mkldnn._convolution_pointwise: convolution_flops,
+}
+
+
 def flops_of(call: Callable[[], Any]) -> int:
     """Return the floating-point operations of the call's matrix products and convolutions.
 
     Interpolation, norms and activations, some hundredths of these, are left out.
     """
-    with torch.inference_mode(), FlopCounterMode(display=False) as counter:
+    with (
+        torch.inference_mode(),
+        FlopCounterMode(display=False, custom_mapping=OF_ONEDNN) as counter,
+    ):
         call()
     return counter.get_total_flops()
 
@@ -44,7 +65,7 @@ def threads() -> Iterator[int]:
 
 @pytest.fixture(scope="session")
 def peak_flops(threads: int) -> float:
-    """Return the operations a second of the fastest large product, as such or as a convolution."""
+    """Return the operations a second of the fastest large product: by MKL, or by oneDNN."""
     a, b = torch.randn(2, PEAK_SIZE, PEAK_SIZE)
     pixels, kernels = a.T[None, :, :, None], b[:, :, None, None]
     ways = (partial(torch.mm, a, b), partial(functional.conv2d, pixels, kernels))
@@ -60,6 +81,7 @@ def measure(
 
     def run(call: Callable[[], Any]) -> None:
         flops = flops_of(call)
+        assert flops > 0
         benchmark(torch.inference_mode()(call))
         assert benchmark.stats is not None  # the call above sets them
         median_s = benchmark.stats["median"]

@@ -13,10 +13,10 @@ if TYPE_CHECKING:  # PyTorch is imported by those who need it
 
 def load(checkpoint: Path) -> "SplitDetector":
     """Return SPLIT with the weights of a checkpoint, and the long sampler."""
-    from split_drake.split.detector import EIGHT_EVALUATIONS, SIXTEEN_EVALUATIONS, SplitDetector
+    from split_drake.split.detector import CLUTTER_SAMPLER, SIXTEEN_EVALUATIONS, SplitDetector
 
-    accepting = replace(SIXTEEN_EVALUATIONS, acceptance=EIGHT_EVALUATIONS.acceptance)
-    return SplitDetector.from_checkpoint(checkpoint, accepting)
+    long = replace(CLUTTER_SAMPLER, langevin=SIXTEEN_EVALUATIONS.langevin)
+    return SplitDetector.from_checkpoint(checkpoint, long)
 
 
 DETECTOR = with_parameters(

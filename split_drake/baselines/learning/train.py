@@ -110,7 +110,9 @@ class BaselineRun:
         self._pupil = Pupil(self._method, lessons, config.seed)
         self._folder = TrainingFolder(config.out, WEIGHTS)
         options = config.record() | {"dataset_hash": self._dataset_hash}
-        if lessons.bfloat16:  # sums differ: a run does not go on without it
+        if begun := self._folder.options():  # sums differ: a run goes on in its type
+            lessons.bfloat16 = begun.get("bfloat16", False)
+        if lessons.bfloat16:
             options["bfloat16"] = True
         if self._folder.take_up(options, config.resume):
             self._pupil.restore(self._folder.state)

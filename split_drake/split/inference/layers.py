@@ -14,7 +14,7 @@ from torch.nn import functional
 
 # PyTorch's own compiler calls these operators; its stubs have only some of the arguments.
 _reorder_convolution: Any = _nn.mkldnn_reorder_conv3d_weight
-# For so many rows a layer's weights are laid out; others are computed as well.
+# oneDNN lays weights out for a number of rows; it computes any other number by them, too.
 _ROWS = 256
 
 
@@ -53,7 +53,7 @@ class ReadyConvolution:
     """A 3D convolution of single volumes (1, C, n, n, n), and ReLU after it."""
 
     def __init__(self, convolution: nn.Conv3d, n: int) -> None:
-        self._convolution = convolution.requires_grad_(False)
+        self._convolution = convolution
         self._how = tuple(
             list(each) for each in (convolution.padding, convolution.stride, convolution.dilation)
         )
@@ -61,7 +61,7 @@ class ReadyConvolution:
         if by_onednn(convolution.weight):
             shape = [1, convolution.in_channels, n, n, n]
             self._weight = _reorder_convolution(
-                convolution.weight.to_mkldnn(), *self._how, convolution.groups, shape
+                convolution.weight.detach().to_mkldnn(), *self._how, convolution.groups, shape
             )
 
     def __call__(self, x: Tensor) -> Tensor:

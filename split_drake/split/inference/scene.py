@@ -20,7 +20,7 @@ from split_drake.split.network import SplitNetwork
 class _LookedUp:
     """Grids whose features are interpolated at points: all in one go, as many small steps.
 
-    Numbers of points are innermost while they are worked out, so that steps run along memory.
+    Points are the innermost dimension of what is worked out, so that steps run along memory.
 
     Args:
         tables: of one scene.
@@ -159,6 +159,7 @@ class ScenePredictor:
         tasks: T of the network's.
     """
 
+    @torch.no_grad()
     def __init__(
         self, network: InferenceNetwork, occupied: Tensor, tasks: Sequence[PoseTask]
     ) -> None:
@@ -169,6 +170,7 @@ class ScenePredictor:
         self._score_layer, self._evaluator_layer = (self._first_layer(head) for head in heads)
         self._tasks = [self._split.tasks.index(task) for task in tasks]
 
+    @torch.no_grad()
     def score(self, X_VPs: Tensor, sigma: float) -> Tensor:
         """Return sigma * score (T, N, 6) of poses (T, N, 4, 4), in their frames."""
         first = self._score_layer(self._features(X_VPs)).view(*X_VPs.shape[:2], -1)
@@ -183,6 +185,7 @@ class ScenePredictor:
             return in_pose_axes(score, X_VPs[..., :3, :3])
         return score
 
+    @torch.no_grad()
     def evaluate(self, X_VPs: Tensor) -> Tensor:
         """Return logits (T, N) that poses (T, N, 4, 4) are right."""
         first = self._evaluator_layer(self._features(X_VPs)).view(*X_VPs.shape[:2], -1)

@@ -186,4 +186,4 @@ def test_variants_of_split_differ_in_evaluations_and_looks(tmp_path: Path) -> No
     configs = [each.load(path).config for each in (split, split_16, split_once, split_8)]
     assert [each.langevin.evaluations for each in configs] == [4, 16, 4, 8]
     assert [each.close_ups for each in configs] == [24, 24, 0, 0]
-    assert len({each.acceptance.least for each in configs}) == 1
+    assert len({each.acceptance for each in configs[:3]}) == 1

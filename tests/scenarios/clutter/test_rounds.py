@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scenarios.clutter import rounds
+from scenarios.clutter.clearing import HandClearing
 from scenarios.clutter.detection import ranked
 from scenarios.clutter.detectors import oracle
 from scenarios.clutter.records import BROKEN, EMPTIED, ERROR, NO_GRASP, TWO_FAILURES
@@ -18,6 +20,7 @@ from scenarios.clutter_removal import ClutterOptions, main, missing_rounds
 from split_drake.pose_set import PoseSet
 from split_drake.poses import make_pose, rotation_x
 from split_drake.scene import Scene
+from split_drake.station.config import StationConfig
 
 DOWN = rotation_x(np.pi)
 
@@ -47,6 +50,21 @@ def test_a_round_without_grasps_ends(tmp_path: Path, monkeypatch: pytest.MonkeyP
     detecting(monkeypatch, lambda scene: ranked(np.empty((0, 4, 4)), ()))
     record = run_round(spec_of(tmp_path))
     assert (record.ended, record.grasps) == (NO_GRASP, ())
+
+
+def test_rounds_have_the_physics_that_runs_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frictions = list[float]()
+
+    def find(clearing: HandClearing, rng: np.random.Generator) -> object:
+        frictions.append(clearing._station.config.friction)
+        return SimpleNamespace(detect=lambda scene, rng: ranked(np.empty((0, 4, 4)), ()))
+
+    monkeypatch.setattr(oracle, "TrueGrasps", find)
+    monkeypatch.setattr(rounds, "round_station", lambda layout: StationConfig(layout, friction=0.5))
+    run_round(spec_of(tmp_path))
+    assert frictions == [0.5]
 
 
 def test_two_failures_in_a_row_end_a_round(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

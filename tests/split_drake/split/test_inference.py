@@ -1,5 +1,7 @@
 """The fast way to scores and logits against the network itself."""
 
+import copy
+import pickle
 from dataclasses import replace
 
 import pytest
@@ -8,7 +10,7 @@ from torch import Tensor
 
 from split_drake.pose_task import MUG_TASKS, UPRIGHT, PoseTask, Symmetry
 from split_drake.split.checkpoint import default_weights, load_checkpoint
-from split_drake.split.inference.network import InferenceEncoder, InferenceNetwork
+from split_drake.split.inference.network import InferenceNetwork
 from split_drake.split.inference.scene import ScenePredictor
 from split_drake.split.network import SplitNetwork
 from split_drake.split.network_config import SplitConfig
@@ -103,22 +105,53 @@ def test_predictions_of_the_shipped_weights_are_those_of_the_network() -> None:
     assert_like_the_network(load_checkpoint(default_weights())[0], MUG_TASKS)
 
 
-@pytest.mark.parametrize("by_onednn", [True, False])
-def test_grids_are_those_of_the_encoder(by_onednn: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(torch.backends.mkldnn, "is_available", lambda: by_onednn)
-    network = load_checkpoint(default_weights())[0].eval()
-    encoder = InferenceEncoder(network.encoder, network.config.resolution)
-    with torch.inference_mode():
-        expected = network.encode(occupied_grid()[None]).tables
-        found = network.encode(occupied_grid()[None], encoder).tables
-    for grid, of_network in zip(found, expected, strict=True):
-        torch.testing.assert_close(grid, of_network, rtol=1e-4, atol=1e-4)
+@pytest.fixture
+def without_onednn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have layers made ready as where PyTorch comes without oneDNN."""
+    monkeypatch.setattr(torch.backends.mkldnn, "is_available", lambda: False)
+
+
+@pytest.mark.usefixtures("without_onednn")
+def test_predictions_without_onednn_are_those_of_the_network() -> None:
+    assert_like_the_network(randomized(CONFIGS["inner points"]), MUG_TASKS)
+
+
+def test_predictions_ask_for_no_gradient() -> None:
+    network = InferenceNetwork(randomized(SMALL))
+    predictor = ScenePredictor(network, occupied_grid(), MUG_TASKS)
+    X_VPs = poses(len(MUG_TASKS), 5).requires_grad_()
+    found = (predictor.score(X_VPs, 0.3), predictor.evaluate(X_VPs))
+    kept = network.score_layers(0, 0.3)
+    assert not any(each.requires_grad for each in (*found, kept.scale, kept.shift))
+
+
+def test_layers_are_kept_for_some_noise_levels(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("split_drake.split.inference.network._KEPT", 2)
+    network = InferenceNetwork(randomized(SMALL))
+    first = [network.score_layers(1, sigma) for sigma in (1.0, 0.5, 0.2)]
+    again = [network.score_layers(1, sigma) for sigma in (1.0, 0.5, 0.2)]
+    assert [one is other for one, other in zip(first, again, strict=True)] == [True, True, False]
+
+
+def test_copies_are_made_ready_anew() -> None:
+    network = InferenceNetwork(randomized(SMALL))
+    network.score_layers(0, 0.3)
+    X_VPs = poses(len(MUG_TASKS), 5)
+    expected = ScenePredictor(network, occupied_grid(), MUG_TASKS).score(X_VPs, 0.3)
+    for copied in (copy.deepcopy(network), pickle.loads(pickle.dumps(network))):
+        found = ScenePredictor(copied, occupied_grid(), MUG_TASKS).score(X_VPs, 0.3)
+        torch.testing.assert_close(found, expected)
+
+
+def test_a_network_in_training_is_refused() -> None:
+    with pytest.raises(ValueError, match="in training mode; expected evaluation mode"):
+        InferenceNetwork(randomized(SMALL).train())
 
 
 def test_what_is_made_ready_leaves_the_network_as_it_was() -> None:
     network = randomized(SMALL)
     before = {name: value.clone() for name, value in network.state_dict().items()}
-    InferenceEncoder(network.encoder, 64)
+    InferenceNetwork(network)
     assert all(each.requires_grad for each in network.parameters())
     for name, value in network.state_dict().items():
         torch.testing.assert_close(value, before[name], rtol=0.0, atol=0.0)

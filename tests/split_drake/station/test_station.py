@@ -184,6 +184,7 @@ def test_missing_egl_names_the_packages_to_install() -> None:
     [
         ("friction", lambda: StationConfig(Layout(), friction=0.0)),
         ("time_step_s", lambda: StationConfig(Layout(), time_step_s=-0.1)),
+        ("near_rigid_threshold", lambda: StationConfig(Layout(), near_rigid_threshold=-0.1)),
         ("arm_kp_nm_per_rad", lambda: StationConfig(Layout(), arm_kp_nm_per_rad=(1.0, 2.0))),
     ],
 )

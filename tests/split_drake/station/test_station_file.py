@@ -120,6 +120,7 @@ def test_cameras_look_at_the_workspace_where_none_are_given(tmp_path: Path) -> N
         ({"home": [0.0] * 7}, "joint 4 of q_home is 0.0; expected a number from -3.07"),
         ({"depth_noise": "some"}, "depth_noise is 'some'; expected one of"),
         ({"contact": {"friction": -1}}, "friction is -1.0; expected a positive number"),
+        ({"contact": {"near_rigid_threshold": -1}}, "near_rigid_threshold is -1.0; expected"),
         ({"contact": {"contact_model": "soft"}}, "contact_model is 'soft'; expected one of"),
         ({"contact": {"gravity": 1}}, "contact has 'gravity'; expected time_step_s"),
         ({"cameras": [CAMERA, CAMERA]}, "cameras are called eye, eye; expected a name for each"),

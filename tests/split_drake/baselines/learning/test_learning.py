@@ -108,6 +108,16 @@ def test_a_run_that_was_cut_short_goes_on_as_if_it_had_not_been(
         train(config(lesson, "vgn", tmp_path / "cut", 14, resume=True), QUIET)
 
 
+@pytest.mark.usefixtures("few_poses")
+def test_a_run_goes_on_in_the_type_that_it_began_in(
+    lesson: Lesson, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for faster, steps in ((False, 3), (True, 6)):
+        monkeypatch.setattr(se3dif, "uses_bfloat16", lambda _, faster=faster: faster)
+        train(config(lesson, "se3dif", tmp_path / "run", steps, resume=steps > 3), QUIET)
+    assert "bfloat16" not in json.loads((tmp_path / "run" / "config.json").read_text())
+
+
 def test_the_weights_are_those_that_did_best(lesson: Lesson) -> None:
     method = method_named("vgn")
     pupil = Pupil(method, method.prepare(SceneDataset.open(lesson.data), lesson.fields), seed=0)
