@@ -238,7 +238,10 @@ def main(options: TableOptions) -> None:
     write_table(options.out, table)
     if options.keep is not None:
         keep_cells(list(table.cells.values()), options.keep)
-    for part in (clutter_table(table), comparison_table(table), mug_table(table)):
+    parts = [clutter_table(table)]
+    parts += [comparison_table(table)] if table.comparisons else []
+    parts += [mug_table(table)] if table.mugs else []
+    for part in parts:
         console.print(part + "\n", highlight=False, markup=False)
     for remark in (*table.unfinished(), *(f"{r}: {w}" for r, w in table.left_out.items())):
         console.print(remark, markup=False)
