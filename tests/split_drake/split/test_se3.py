@@ -50,7 +50,7 @@ def test_half_turn_has_a_logarithm_of_length_pi(axis: int) -> None:
 VECTORS = st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(VECTORS)
 def test_opposite_rotation_vectors_are_inverse_rotations(values: list[float]) -> None:
     omega = torch.tensor(values, dtype=torch.float64)
@@ -58,7 +58,7 @@ def test_opposite_rotation_vectors_are_inverse_rotations(values: list[float]) ->
     assert torch.allclose(product, torch.eye(3, dtype=torch.float64), atol=1e-12)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(VECTORS, VECTORS, VECTORS, VECTORS)
 def test_poses_are_a_group(
     omega_1: list[float], p_1: list[float], omega_2: list[float], p_2: list[float]
@@ -73,7 +73,7 @@ def test_poses_are_a_group(
     assert torch.allclose(se3.compose(R_1, t_1) @ inverse, identity, atol=1e-12)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(VECTORS, VECTORS)
 def test_conjugation_turns_the_rotation_vector(omega: list[float], turn: list[float]) -> None:
     """R Exp(w) R^T = Exp(R w): the adjoint of SO(3)."""
