@@ -27,7 +27,7 @@ class StationConfig:
         relaxation_time_s: of SAP's linear dissipation; 0.1 lets held mugs slip.
         near_rigid_threshold: Drake's `sap_near_rigid_threshold`; 0 for none.  Drake's default, 1,
             softens contact that is too stiff for the step, and light things most: pads sank 4 mm
-            into what weighs 20 g.  With 0.1 they sink as with 0, and SAP keeps a bound.
+            into what weighs 7 to 15 g.  With 0.1 they sink as with 0, and SAP keeps a bound.
         pad_modulus_pa: of the pads in hydroelastic contact.
         arm_kp_nm_per_rad, arm_kd_nms_per_rad: implicit PD gains of the seven arm joints.
         finger_kp_n_per_m, finger_kd_ns_per_m: implicit PD gains of each finger.
